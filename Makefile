@@ -1,0 +1,47 @@
+# `make demo` runs the main job, `make test` everything that CI runs. Each sets up .venv by itself.
+PYTHON ?= python3
+VENV   := .venv
+BIN    := $(VENV)/bin
+RUN    := $(BIN)/python -m
+
+.PHONY: demo test lint types layers check-compiled check-plain evidence bench clean
+demo: $(VENV)/.ready
+	$(BIN)/outrider demo --output demo --force
+
+test: lint types layers check-compiled check-plain
+
+$(VENV)/.ready: pyproject.toml constraints.txt
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(RUN) pip install --quiet --disable-pip-version-check "pip>=25.1"
+	$(RUN) pip install --quiet --disable-pip-version-check -c constraints.txt --group dev -e .
+	touch $@
+
+$(VENV)/.bench: $(VENV)/.ready
+	$(RUN) pip install --quiet --disable-pip-version-check -c constraints.txt --group bench
+	touch $@
+
+lint: $(VENV)/.ready
+	$(RUN) ruff check src tests benchmarks examples
+	$(RUN) ruff format --check src tests benchmarks examples
+
+types: $(VENV)/.ready
+	$(BIN)/pyright
+
+layers: $(VENV)/.ready
+	$(BIN)/lint-imports
+
+check-compiled: $(VENV)/.ready
+	$(RUN) pytest -m "not evidence"
+
+# The same code as plain Python: shows what the compiler hides (shapes, bounds) and measures coverage.
+check-plain: $(VENV)/.ready
+	NUMBA_DISABLE_JIT=1 $(RUN) pytest -m "not evidence and not compiled" --cov --cov-report=term:skip-covered
+
+evidence: $(VENV)/.ready
+	$(RUN) pytest -m evidence -s
+
+bench: $(VENV)/.bench
+	$(RUN) benchmarks
+
+clean:
+	rm -rf $(VENV) .pytest_cache .ruff_cache .hypothesis .coverage demo

@@ -1,0 +1,24 @@
+"""The nouns: frozen dataclasses of arrays. They know their shapes and names, and nothing about files or filters."""
+
+from outrider.data.belief import Block, Ensemble, Gaussian, Manifold, StateLayout
+from outrider.data.events import Altitude, EventLog, Fix, Kind, Stream, stream
+from outrider.data.run import (
+    REASONS,
+    Account,
+    Estimates,
+    Finding,
+    Innovations,
+    Outcome,
+    Reset,
+    Run,
+    SensorState,
+    Verdict,
+    empty_estimates,
+)
+from outrider.data.trajectory import Datum, Trajectory
+
+__all__ = [
+    "REASONS", "Account", "Altitude", "Block", "Datum", "Ensemble", "Estimates", "EventLog", "Finding", "Fix",
+    "Gaussian", "Innovations", "Kind", "Manifold", "Outcome", "Reset", "Run", "SensorState", "StateLayout", "Stream",
+    "Trajectory", "Verdict", "empty_estimates", "stream",
+]  # fmt: skip

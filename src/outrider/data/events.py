@@ -1,0 +1,177 @@
+"""Sensor records as columns: one `Stream` per source, all streams of a log in one `EventLog`, on one clock."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from enum import Enum
+from typing import final
+
+import numpy as np
+
+from outrider.errors import DataError
+from outrider.typing import Bools, Floats, Ints
+
+
+class Kind(Enum):
+    """What one record holds. The value lists the columns of `Stream.z`; SI units, radians, quaternions x y z w.
+
+    `body` is forward-left-up, `world` is east-north-up, `sensor` is the sensor's own frame (forward-left-up if mounted
+    straight), fixed to the body by the mount that the configuration gives.
+    """
+
+    IMU = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")  # sensor: rad/s, specific force m/s^2
+    ATTITUDE = ("qx", "qy", "qz", "qw")  # R_world_sensor as the sensor claims it
+    GNSS = ("lat", "lon", "alt")  # rad, rad, m (which altitude: Stream.altitude)
+    GNSS_VELOCITY = ("v_east", "v_north", "v_up")  # world, m/s
+    POSITION = ("x", "y", "z")  # site frame (ENU), m
+    POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")  # of the body in the site frame: lidar or camera against a map
+    ODOMETRY_POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")  # integrated by the base itself, in its own odom frame
+    TWIST = ("v_x", "v_y", "v_z", "w_x", "w_y", "w_z")  # body: m/s, rad/s (wheel or visual odometry)
+    WHEELS = ("wheels",)  # rim speed of each wheel, m/s; as many columns as wheels (drive in the configuration)
+    ACKERMANN = ("speed", "steering")  # rear-axle speed m/s, front-wheel angle rad (left positive)
+    BODY_VELOCITY = ("v_x", "v_y", "v_z")  # sensor, m/s (stereo, Doppler log)
+    FLOW = ("flow_x", "flow_y")  # angular flow about the sensor's x and y axes, rad/s
+    RANGE_FINDER = ("height",)  # distance along the sensor's -z axis to the ground, m
+    BARO = ("alt",)  # pressure altitude, m
+    MAG = ("m_x", "m_y", "m_z")  # sensor, any unit: only the direction is used
+    HEADING = ("heading",)  # rad, counter-clockwise from east, true
+    RANGE = ("beacon", "range")  # beacon id, m
+    RANGE_BEARING = ("beacon", "range", "bearing")  # bearing rad, body, left positive
+    RELATIVE_POSE = ("robot", "x", "y", "z", "qx", "qy", "qz", "qw")  # of the other robot in this body frame
+    COMMAND = ("v_x", "v_y", "v_z")  # commanded velocity, world, m/s
+    ESTIMATE = ("x", "y", "z", "qx", "qy", "qz", "qw", "v_east", "v_north", "v_up")  # another estimator's answer
+    STATUS = ("flags",)  # an autopilot's own estimator flags, for the report and for comparison
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the columns of `Stream.z` (WHEELS has one column per wheel instead)."""
+        return self.value
+
+
+class Altitude(Enum):
+    """What an altitude is measured from. Two different references are never mixed silently."""
+
+    ELLIPSOID = "height above the WGS84 ellipsoid"
+    MSL = "height above mean sea level (geoid)"
+    HOME = "height above the take-off point"
+    PRESSURE = "pressure altitude in the standard atmosphere"
+    UNKNOWN = "not stated by the log"
+
+
+class Fix(Enum):
+    """GNSS solution type, worst to best; the value is the code stored in `Stream.extra["fix"]`."""
+
+    UNKNOWN = -1
+    NONE = 0
+    SINGLE = 1
+    SBAS = 2
+    DGNSS = 3
+    FLOAT = 4
+    FIXED = 5
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stream:
+    """All records of one source, in the order in which they arrived.
+
+    z : (n, m) float64, columns as `kind` says;  var : (n, m) variances as the sensor states them, NaN where it states
+    none (a POSE or ATTITUDE states them per rotation axis: m is then 6 or 3);  t : (n,) int64 ns, the sensor's stamp;
+    t_arrival : (n,) int64 ns, when the recorder got it (equal to t where unknown).
+    extra : further columns by name, e.g. fix (`Fix` codes), satellites, hdop, hacc [m], vacc [m].
+    """
+
+    name: str
+    kind: Kind
+    t: Ints
+    z: Floats
+    var: Floats
+    t_arrival: Ints
+    robot: str = "robot"
+    frame: str = ""
+    altitude: Altitude = Altitude.UNKNOWN
+    extra: Mapping[str, Floats] = field(default_factory=dict[str, Floats])
+    malformed: int = 0  # records that could not be decoded at all
+
+    def __post_init__(self) -> None:
+        n = self.t.shape[0]
+        if self.z.ndim != 2 or self.z.shape[0] != n or self.var.shape[0] != n or self.t_arrival.shape[0] != n:
+            raise DataError(f"columns of unequal length: t {n}, z {self.z.shape}, var {self.var.shape}", where=self.name)
+        if self.kind is not Kind.WHEELS and self.z.shape[1] != len(self.kind.columns):
+            raise DataError(f"{self.kind.name} needs columns {self.kind.columns}, got {self.z.shape[1]}", where=self.name)
+
+    def __len__(self) -> int:
+        return int(self.t.shape[0])
+
+    def select(self, keep: Bools | Ints | slice) -> "Stream":
+        """The same stream with only the given rows."""
+        extra = {name: column[keep] for name, column in self.extra.items()}
+        return replace(
+            self, t=self.t[keep], z=self.z[keep], var=self.var[keep], t_arrival=self.t_arrival[keep], extra=extra
+        )
+
+    @property
+    def rate(self) -> float:
+        """Median rate [Hz]; NaN for fewer than two distinct stamps."""
+        gaps = np.diff(self.t)
+        gaps = gaps[gaps > 0]
+        return float(1e9 / np.median(gaps)) if gaps.size else float("nan")
+
+
+def stream(
+    name: str,
+    kind: Kind,
+    t: Ints,
+    z: Floats,
+    *,
+    var: Floats | None = None,
+    t_arrival: Ints | None = None,
+    **rest: object,
+) -> Stream:
+    """A `Stream` from any array-likes: contiguous, right types, unstated variances as NaN."""
+    t = np.ascontiguousarray(t, np.int64)
+    z = np.ascontiguousarray(np.atleast_2d(z), np.float64)
+    width = {Kind.ATTITUDE: 3, Kind.POSE: 6, Kind.ODOMETRY_POSE: 6, Kind.RELATIVE_POSE: 6}.get(kind, z.shape[1])
+    var = np.full((t.size, width), np.nan) if var is None else np.ascontiguousarray(var, np.float64)
+    arrival = t if t_arrival is None else np.ascontiguousarray(t_arrival, np.int64)
+    return Stream(name=name, kind=kind, t=t, z=z, var=var, t_arrival=arrival, **rest)  # type: ignore[arg-type]
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EventLog:
+    """Every stream of a recording by name, with where it came from and what the reader had to say about it."""
+
+    streams: Mapping[str, Stream]
+    path: str = ""
+    sha256: str = ""
+    notes: tuple[str, ...] = ()
+    mounts: Mapping[str, Floats] = field(default_factory=dict[str, Floats])
+    """(4, 4) body-from-sensor transforms by frame name, as far as the log itself holds them (static /tf)."""
+
+    def __len__(self) -> int:
+        return sum(len(s) for s in self.streams.values())
+
+    def __iter__(self) -> Iterator[Stream]:
+        return iter(self.streams.values())
+
+    def of(self, *kinds: Kind) -> tuple[Stream, ...]:
+        """Streams of the given kinds, in name order."""
+        return tuple(self.streams[n] for n in sorted(self.streams) if self.streams[n].kind in kinds)
+
+    @property
+    def span(self) -> tuple[int, int]:
+        """First and last stamp [ns] over all streams; (0, 0) for an empty log."""
+        filled = [s for s in self if len(s)]
+        if not filled:
+            return 0, 0
+        return min(int(s.t.min()) for s in filled), max(int(s.t.max()) for s in filled)
+
+    @property
+    def duration(self) -> float:
+        """Seconds from the first stamp to the last."""
+        first, last = self.span
+        return (last - first) * 1e-9
+
+    def with_streams(self, *streams: Stream) -> "EventLog":
+        """The same log with streams added or replaced by name."""
+        return replace(self, streams={**self.streams, **{s.name: s for s in streams}})

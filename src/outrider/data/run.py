@@ -1,0 +1,212 @@
+"""What one estimation job leaves behind: estimates, innovations, accounts, health and where they came from."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum, IntEnum
+from typing import final
+
+import numpy as np
+
+from outrider.data.belief import StateLayout
+from outrider.data.trajectory import Datum, Trajectory
+from outrider.typing import Floats, Ints
+
+
+class Verdict(IntEnum):
+    """What became of one record. The sentences in `REASONS` are what the user reads."""
+
+    USED = 0
+    WITHHELD = 1
+    GATED = 2
+    LATE = 3
+    DUPLICATE = 4
+    NOT_FINITE = 5
+    NULL_POSITION = 6
+    NO_FIX = 7
+    FEW_SATELLITES = 8
+    IMPLAUSIBLE = 9
+    FROZEN = 10
+    STALE = 11
+    BAD_STAMP = 12
+    FAULTED = 13
+    NOT_OBSERVING = 14
+    INPUT = 15
+    RESET = 16
+    NOT_ALIGNED = 17
+    DECLARED_INVALID = 18
+    BAD_COVARIANCE = 19
+    DIVERGED = 20
+    REDUNDANT = 21
+
+
+REASONS: Mapping[Verdict, str] = {
+    Verdict.USED: "fused",
+    Verdict.WITHHELD: "withheld on request, scored only",
+    Verdict.GATED: "innovation outside its chi-square gate",
+    Verdict.LATE: "arrived after the history it belongs to had been dropped",
+    Verdict.DUPLICATE: "same stamp and same values as the record before",
+    Verdict.NOT_FINITE: "NaN or infinite value",
+    Verdict.NULL_POSITION: "null position (0, 0)",
+    Verdict.NO_FIX: "the receiver reports no fix",
+    Verdict.FEW_SATELLITES: "fewer than four satellites",
+    Verdict.IMPLAUSIBLE: "value outside what the sensor can measure",
+    Verdict.FROZEN: "values frozen while stamps go on",
+    Verdict.STALE: "fix older than its stamp says",
+    Verdict.BAD_STAMP: "stamp of zero, or off the log's clock",
+    Verdict.FAULTED: "source is in the faulted state",
+    Verdict.NOT_OBSERVING: "conditions not met (too slow, out of range, unknown beacon)",
+    Verdict.INPUT: "drives the prediction",
+    Verdict.RESET: "fused after a logged reset",
+    Verdict.NOT_ALIGNED: "used for the initial alignment, or before it",
+    Verdict.DECLARED_INVALID: "the sensor itself says it is not valid",
+    Verdict.BAD_COVARIANCE: "stated covariance is zero, negative or absurd",
+    Verdict.DIVERGED: "refused: it would have made the estimate non-finite",
+    Verdict.REDUNDANT: "another source of the same quantity is in use",
+}
+
+
+class SensorState(IntEnum):
+    """Health of one source."""
+
+    WARMING = 0  # not yet believed
+    HEALTHY = 1
+    SUSPECT = 2  # some records rejected of late
+    FAULTED = 3  # not believed until it agrees again for a while
+    RECOVERING = 4  # agrees again, on probation
+    SILENT = 5  # no record for much longer than its period
+
+
+class Outcome(Enum):
+    """How the job ended; the value says what to try."""
+
+    OK = "finished; the estimate is valid"
+    DEGRADED = "finished, with warnings: read the findings"
+    NEVER_ALIGNED = "no initial position or heading could be found: give a longer log, a GNSS source, or an initial pose"
+    DIVERGED = "the filter diverged: read the findings for the source that disagreed first"
+    NO_DATA = "no usable record: check the source table for the reason"
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Account:
+    """What became of the records of one source. received = sum of `by_verdict` + malformed."""
+
+    source: str
+    kind: str
+    role: str  # what it is used for, or why not used at all
+    received: int
+    used: int
+    malformed: int
+    by_verdict: Mapping[Verdict, int]
+    rate: float  # Hz
+    first: float  # s since the log's first event
+    last: float  # s
+    nis: float  # mean normalised innovation squared per degree of freedom, of fused and gated records; NaN if none
+    state: SensorState
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finding:
+    """One plain statement about the data or the result. severity: "info" | "warning" | "error"."""
+
+    severity: str
+    code: str  # stable and short, e.g. "heading-conflict"
+    text: str
+    source: str = ""
+    fix: str = ""
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reset:
+    """A deliberate jump. t [ns]; delta : how far the named state moved (position m, or heading rad)."""
+
+    t: int
+    source: str
+    state: str
+    delta: Floats
+    reason: str
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Innovations:
+    """Every scored record of one source.
+
+    t : (n,) ns;  y, s : (n, m) innovation and its predicted standard deviation (NaN rows unused);  nis : (n,);
+    dof : (n,);  verdict : (n,) `Verdict` codes;  columns : m names;  z : (n, m) the measurement in the site frame.
+    """
+
+    t: Ints
+    y: Floats
+    s: Floats
+    nis: Floats
+    dof: Ints
+    verdict: Ints
+    z: Floats
+    columns: tuple[str, ...]
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimates:
+    """The output of one filter, one row per output time.
+
+    t : (n,) ns;  x : (n, layout.size);  sd : (n, layout.error_size) standard deviations;  P_pose : (n, 6, 6) covariance
+    of position (site frame) and attitude (body frame);  valid : (n, 3) int8 flags position, velocity, heading;
+    pose : poses, velocities and covariances of the body. Arrays may be memory-mapped files.
+    """
+
+    layout: StateLayout
+    t: Ints
+    x: Floats
+    sd: Floats
+    valid: Ints
+    pose: Trajectory
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Run:
+    """One job, frozen: inputs, configuration, versions, results. `truth` is never part of it."""
+
+    log_path: str
+    log_sha256: str
+    config: Mapping[str, object]
+    seed: int
+    versions: Mapping[str, str]
+    robot: str
+    datum: Datum | None
+    fused: Estimates  # map -> base_link (all sources)
+    local: Estimates | None  # odom -> base_link (wheels and IMU only: smooth, drifts)
+    innovations: Mapping[str, Innovations]
+    accounts: tuple[Account, ...]
+    findings: tuple[Finding, ...]
+    resets: tuple[Reset, ...]
+    tracks: Mapping[str, Trajectory] = field(default_factory=dict[str, Trajectory])  # what each source alone says
+    health: Mapping[str, Floats] = field(default_factory=dict[str, Floats])  # source -> (k, 2) time [s], SensorState
+    outcome: Outcome = Outcome.OK
+    wall_seconds: float = float("nan")
+
+    @property
+    def used_nothing_of(self) -> tuple[str, ...]:
+        """Sources that were meant to be fused and contributed nothing."""
+        idle = {Verdict.USED, Verdict.INPUT, Verdict.RESET, Verdict.WITHHELD}
+        return tuple(
+            a.source for a in self.accounts if a.role.startswith("fused") and not any(a.by_verdict.get(v) for v in idle)
+        )
+
+
+def empty_estimates(layout: StateLayout) -> Estimates:
+    """Estimates without a row."""
+    none = np.zeros(0, np.int64)
+    pose = Trajectory(t=none, p=np.zeros((0, 3)), q=np.zeros((0, 4)))
+    return Estimates(
+        layout=layout,
+        t=none,
+        x=np.zeros((0, layout.size)),
+        sd=np.zeros((0, layout.error_size)),
+        valid=np.zeros((0, 3), np.int64),
+        pose=pose,
+    )
