@@ -12,39 +12,66 @@ from outrider.typing import Bools, Floats, Ints
 
 
 class Kind(Enum):
-    """What one record holds. The value lists the columns of `Stream.z`; SI units, radians, quaternions x y z w.
+    """What one record holds; `columns` names the columns of `Stream.z`. SI units, radians, quaternions x y z w.
 
     `body` is forward-left-up, `world` is east-north-up, `sensor` is the sensor's own frame (forward-left-up if mounted
     straight), fixed to the body by the mount that the configuration gives.
     """
 
-    IMU = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")  # sensor: rad/s, specific force m/s^2
-    ATTITUDE = ("qx", "qy", "qz", "qw")  # R_world_sensor as the sensor claims it
-    GNSS = ("lat", "lon", "alt")  # rad, rad, m (which altitude: Stream.altitude)
-    GNSS_VELOCITY = ("v_east", "v_north", "v_up")  # world, m/s
-    POSITION = ("x", "y", "z")  # site frame (ENU), m
-    POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")  # of the body in the site frame: lidar or camera against a map
-    ODOMETRY_POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")  # integrated by the base itself, in its own odom frame
-    TWIST = ("v_x", "v_y", "v_z", "w_x", "w_y", "w_z")  # body: m/s, rad/s (wheel or visual odometry)
-    WHEELS = ("wheels",)  # rim speed of each wheel, m/s; as many columns as wheels (drive in the configuration)
-    ACKERMANN = ("speed", "steering")  # rear-axle speed m/s, front-wheel angle rad (left positive)
-    BODY_VELOCITY = ("v_x", "v_y", "v_z")  # sensor, m/s (stereo, Doppler log)
-    FLOW = ("flow_x", "flow_y")  # angular flow about the sensor's x and y axes, rad/s
-    RANGE_FINDER = ("height",)  # distance along the sensor's -z axis to the ground, m
-    BARO = ("alt",)  # pressure altitude, m
-    MAG = ("m_x", "m_y", "m_z")  # sensor, any unit: only the direction is used
-    HEADING = ("heading",)  # rad, counter-clockwise from east, true
-    RANGE = ("beacon", "range")  # beacon id, m
-    RANGE_BEARING = ("beacon", "range", "bearing")  # bearing rad, body, left positive
-    RELATIVE_POSE = ("robot", "x", "y", "z", "qx", "qy", "qz", "qw")  # of the other robot in this body frame
-    COMMAND = ("v_x", "v_y", "v_z")  # commanded velocity, world, m/s
-    ESTIMATE = ("x", "y", "z", "qx", "qy", "qz", "qw", "v_east", "v_north", "v_up")  # another estimator's answer
-    STATUS = ("flags",)  # an autopilot's own estimator flags, for the report and for comparison
+    IMU = "imu"  # sensor: rad/s, specific force m/s^2
+    ATTITUDE = "attitude"  # R_world_sensor as the sensor claims it
+    GNSS = "gnss"  # rad, rad, m (which altitude: Stream.altitude)
+    GNSS_VELOCITY = "gnss_velocity"  # world, m/s
+    POSITION = "position"  # site frame (ENU), m
+    POSE = "pose"  # of the body in the site frame: lidar or camera against a map
+    ODOMETRY_POSE = "odometry_pose"  # integrated by the base itself, in its own odom frame
+    TWIST = "twist"  # body: m/s, rad/s (wheel or visual odometry)
+    WHEELS = "wheels"  # rim speed of each wheel, m/s; as many columns as wheels (drive in the configuration)
+    ACKERMANN = "ackermann"  # rear-axle speed m/s, front-wheel angle rad (left positive)
+    BODY_VELOCITY = "body_velocity"  # sensor, m/s (stereo, Doppler log)
+    FLOW = "flow"  # angular flow about the sensor's x and y axes, rad/s
+    RANGE_FINDER = "range_finder"  # distance along the sensor's -z axis to the ground, m
+    BARO = "baro"  # pressure altitude, m
+    MAG = "mag"  # sensor, any unit: only the direction is used
+    HEADING = "heading"  # rad, counter-clockwise from east, true
+    RANGE = "range"  # beacon id, m
+    RANGE_BEARING = "range_bearing"  # bearing rad, body, left positive
+    RELATIVE_POSE = "relative_pose"  # of the other robot in this body frame
+    COMMAND = "command"  # commanded velocity, world, m/s
+    ESTIMATE = "estimate"  # another estimator's answer
+    STATUS = "status"  # an autopilot's own estimator flags, for the report and for comparison
 
     @property
     def columns(self) -> tuple[str, ...]:
         """Names of the columns of `Stream.z` (WHEELS has one column per wheel instead)."""
-        return self.value
+        return _COLUMNS[self]
+
+
+_POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
+_COLUMNS: Mapping[Kind, tuple[str, ...]] = {
+    Kind.IMU: ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"),
+    Kind.ATTITUDE: ("qx", "qy", "qz", "qw"),
+    Kind.GNSS: ("lat", "lon", "alt"),
+    Kind.GNSS_VELOCITY: ("v_east", "v_north", "v_up"),
+    Kind.POSITION: ("x", "y", "z"),
+    Kind.POSE: _POSE,
+    Kind.ODOMETRY_POSE: _POSE,
+    Kind.TWIST: ("v_x", "v_y", "v_z", "w_x", "w_y", "w_z"),
+    Kind.WHEELS: ("wheels",),
+    Kind.ACKERMANN: ("speed", "steering"),
+    Kind.BODY_VELOCITY: ("v_x", "v_y", "v_z"),
+    Kind.FLOW: ("flow_x", "flow_y"),
+    Kind.RANGE_FINDER: ("height",),
+    Kind.BARO: ("alt",),
+    Kind.MAG: ("m_x", "m_y", "m_z"),
+    Kind.HEADING: ("heading",),
+    Kind.RANGE: ("beacon", "range"),
+    Kind.RANGE_BEARING: ("beacon", "range", "bearing"),
+    Kind.RELATIVE_POSE: ("robot", *_POSE),
+    Kind.COMMAND: ("v_x", "v_y", "v_z"),
+    Kind.ESTIMATE: (*_POSE, "v_east", "v_north", "v_up"),
+    Kind.STATUS: ("flags",),
+}
 
 
 class Altitude(Enum):
@@ -95,9 +122,13 @@ class Stream:
     def __post_init__(self) -> None:
         n = self.t.shape[0]
         if self.z.ndim != 2 or self.z.shape[0] != n or self.var.shape[0] != n or self.t_arrival.shape[0] != n:
-            raise DataError(f"columns of unequal length: t {n}, z {self.z.shape}, var {self.var.shape}", where=self.name)
+            raise DataError(
+                f"columns of unequal length: t {n}, z {self.z.shape}, var {self.var.shape}", where=self.name
+            )
         if self.kind is not Kind.WHEELS and self.z.shape[1] != len(self.kind.columns):
-            raise DataError(f"{self.kind.name} needs columns {self.kind.columns}, got {self.z.shape[1]}", where=self.name)
+            raise DataError(
+                f"{self.kind.name} needs columns {self.kind.columns}, got {self.z.shape[1]}", where=self.name
+            )
 
     def __len__(self) -> int:
         return int(self.t.shape[0])

@@ -81,7 +81,9 @@ class Outcome(Enum):
 
     OK = "finished; the estimate is valid"
     DEGRADED = "finished, with warnings: read the findings"
-    NEVER_ALIGNED = "no initial position or heading could be found: give a longer log, a GNSS source, or an initial pose"
+    NEVER_ALIGNED = (
+        "no initial position or heading could be found: give a longer log, a GNSS source, or an initial pose"
+    )
     DIVERGED = "the filter diverged: read the findings for the source that disagreed first"
     NO_DATA = "no usable record: check the source table for the reason"
 
