@@ -1,0 +1,118 @@
+"""Arrays of rotations in numpy: whole trajectories at once, any leading shape, nothing to compile.
+
+Quaternions are x y z w, Hamilton, and are normalized on entry; a zero quaternion becomes NaN. One rotation at a time,
+inside a filter: the kernels of `outrider.core.rotations`.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from outrider.typing import Floats
+
+# Below this cos(pitch) roll and yaw turn about the same axis: roll is set to zero.
+GIMBAL = 1e-8
+
+
+def _unit(q: ArrayLike) -> Floats:
+    """q (..., 4) as float64, normalized; the zero quaternion becomes NaN."""
+    array = np.asarray(q, dtype=np.float64)
+    norm = np.linalg.norm(array, axis=-1, keepdims=True)
+    return array / np.where(norm > 0.0, norm, np.nan)
+
+
+def quats_multiply(a: ArrayLike, b: ArrayLike) -> Floats:
+    """a (x) b for arrays (..., 4) that broadcast."""
+    ax, ay, az, aw = np.moveaxis(_unit(a), -1, 0)
+    bx, by, bz, bw = np.moveaxis(_unit(b), -1, 0)
+    x = aw * bx + ax * bw + ay * bz - az * by
+    y = aw * by - ax * bz + ay * bw + az * bx
+    z = aw * bz + ax * by - ay * bx + az * bw
+    return np.stack((x, y, z, aw * bw - ax * bx - ay * by - az * bz), axis=-1)
+
+
+def quats_conjugate(q: ArrayLike) -> Floats:
+    """The inverse rotations of q (..., 4)."""
+    return np.asarray(q, dtype=np.float64) * np.array([-1.0, -1.0, -1.0, 1.0])
+
+
+def quats_exp(phi: ArrayLike) -> Floats:
+    """Quaternions (..., 4) of rotation vectors (..., 3) [rad]."""
+    vectors = np.asarray(phi, dtype=np.float64)
+    half = 0.5 * np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.concatenate((0.5 * vectors * np.sinc(half / np.pi), np.cos(half)), axis=-1)
+
+
+def quats_log(q: ArrayLike) -> Floats:
+    """Rotation vectors (..., 3) [rad], |phi| <= pi, of quaternions (..., 4)."""
+    array = _unit(q)
+    array = np.where(array[..., 3:] < 0.0, -array, array)
+    n = np.linalg.norm(array[..., :3], axis=-1, keepdims=True)
+    scale = np.full_like(n, 2.0)
+    np.divide(2.0 * np.arctan2(n, array[..., 3:]), n, out=scale, where=n > 0.0)
+    return array[..., :3] * scale
+
+
+def quats_to_matrices(q: ArrayLike) -> Floats:
+    """Matrices (..., 3, 3) of quaternions (..., 4)."""
+    x, y, z, w = np.moveaxis(_unit(q), -1, 0)
+    rows = (
+        (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
+        (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
+        (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
+    )
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def matrices_to_quats(R: ArrayLike) -> Floats:
+    """Quaternions (..., 4), w >= 0, of matrices (..., 3, 3): the row of 4 q q' with the largest diagonal."""
+    M = np.asarray(R, dtype=np.float64)
+    d0, d1, d2 = M[..., 0, 0], M[..., 1, 1], M[..., 2, 2]
+    xy, xz, yz = M[..., 0, 1] + M[..., 1, 0], M[..., 0, 2] + M[..., 2, 0], M[..., 1, 2] + M[..., 2, 1]
+    xw, yw, zw = M[..., 2, 1] - M[..., 1, 2], M[..., 0, 2] - M[..., 2, 0], M[..., 1, 0] - M[..., 0, 1]
+    rows = (
+        (1.0 + d0 - d1 - d2, xy, xz, xw),
+        (xy, 1.0 - d0 + d1 - d2, yz, yw),
+        (xz, yz, 1.0 - d0 - d1 + d2, zw),
+        (xw, yw, zw, 1.0 + d0 + d1 + d2),
+    )
+    outer = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    largest = np.argmax(np.diagonal(outer, axis1=-2, axis2=-1), axis=-1)
+    q = _unit(np.take_along_axis(outer, largest[..., None, None], axis=-2)[..., 0, :])
+    return np.where(q[..., 3:] < 0.0, -q, q)
+
+
+def rpy_to_quats(rpy: ArrayLike) -> Floats:
+    """Quaternions (..., 4) of (roll, pitch, yaw) (..., 3) [rad]:  Rz(yaw) Ry(pitch) Rx(roll)."""
+    half = 0.5 * np.moveaxis(np.asarray(rpy, dtype=np.float64), -1, 0)
+    (cr, cp, cy), (sr, sp, sy) = np.cos(half), np.sin(half)
+    x, y = sr * cp * cy - cr * sp * sy, cr * sp * cy + sr * cp * sy
+    return np.stack((x, y, cr * cp * sy - sr * sp * cy, cr * cp * cy + sr * sp * sy), axis=-1)
+
+
+def quats_to_rpy(q: ArrayLike) -> Floats:
+    """(roll, pitch, yaw) (..., 3) [rad] of quaternions (..., 4); with the nose straight up or down roll is zero."""
+    R = quats_to_matrices(q)
+    cos_pitch = np.hypot(R[..., 0, 0], R[..., 1, 0])
+    locked = cos_pitch < GIMBAL
+    roll = np.where(locked, 0.0, np.arctan2(R[..., 2, 1], R[..., 2, 2]))
+    yaw = np.where(locked, np.arctan2(-R[..., 0, 1], R[..., 1, 1]), np.arctan2(R[..., 1, 0], R[..., 0, 0]))
+    return np.stack((roll, np.arctan2(-R[..., 2, 0], cos_pitch), yaw), axis=-1)
+
+
+def slerp(t: ArrayLike, t0: ArrayLike, q0: ArrayLike) -> Floats:
+    """Attitudes (n, 4) at times t (n,), at constant rate between q0 (m, 4) at the ascending times t0 (m,).
+
+    Times share one unit (integer nanoseconds stay exact). Before the first and after the last, the end holds.
+
+    >>> slerp([5], [0, 10], [[0, 0, 0, 1], [0, 0, 1, 0]]).round(6).tolist()
+    [[0.0, 0.0, 0.707107, 0.707107]]
+    """
+    when, knots, q = np.asarray(t), np.asarray(t0), _unit(q0)
+    if knots.size == 1:
+        return np.repeat(q, when.size, axis=0)
+    when = np.clip(when, knots[0], knots[-1])
+    i = np.clip(np.searchsorted(knots, when, side="right") - 1, 0, knots.size - 2)
+    span = (knots[i + 1] - knots[i]).astype(np.float64)
+    part = (when - knots[i]) / np.where(span > 0.0, span, 1.0)
+    step = quats_log(quats_multiply(quats_conjugate(q[i]), q[i + 1]))
+    return quats_multiply(q[i], quats_exp(part[:, None] * step))
