@@ -1,6 +1,9 @@
-"""The one place where angles are folded: subtract two headings, then `wrap` the difference."""
+"""The one place where angles are folded: subtract two headings, then `wrap` the difference.
 
-from math import ceil, pi
+This is SO(2): a rotation of the plane is its angle, composition is a sum, Log is `wrap`, and every Jacobian is 1.
+"""
+
+from math import ceil, cos, pi, sin
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,6 +31,13 @@ def wrap(a: float) -> float:
     elif b > pi:
         b -= _TURN
     return b
+
+
+@kernel
+def turn(a: float, v: Floats, out: Floats) -> None:
+    """out (2,) = R(a) v, counter-clockwise; out may be v."""
+    c, s = cos(a), sin(a)
+    out[0], out[1] = c * v[0] - s * v[1], s * v[0] + c * v[1]
 
 
 def wrap_all(a: ArrayLike) -> Floats:

@@ -27,7 +27,7 @@ from outrider.core.attitudes import slerp as slerp
 from outrider.typing import Floats
 
 # Below this t^2 the closed forms of the Jacobians lose digits by cancellation and their series, cut at t^8, are exact.
-_SERIES = 0.09
+SERIES = 0.09
 # Below this t^2 sin(t)/t and its like are exact to the second term.
 _TINY = 1e-8
 
@@ -108,7 +108,7 @@ def _quat_of(R: Floats) -> tuple[float, float, float, float]:
 @kernel
 def quat_exp(phi: Floats, q: Floats) -> None:
     """q = Exp(phi) = [phi/t sin(t/2), cos(t/2)]."""
-    t2 = phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]
+    t2 = squared(phi)
     if t2 < _TINY:
         scale, w = 0.5 - t2 / 48.0, 1.0 - t2 / 8.0 + t2 * t2 / 384.0
     else:
@@ -161,7 +161,7 @@ def rotate_inverse(q: Floats, v: Floats, out: Floats) -> None:
 
 
 @kernel
-def _polynomial(phi: Floats, a: float, b: float, c: float, out: Floats) -> None:
+def skew_polynomial(phi: Floats, a: float, b: float, c: float, out: Floats) -> None:
     """out (3, 3) = a I + b S + c S^2, the shape of every function of a rotation vector;  S^2 = phi phi' - t^2 I."""
     x, y, z = phi[0], phi[1], phi[2]
     xx, yy, zz = c * x * x, c * y * y, c * z * z
@@ -171,12 +171,17 @@ def _polynomial(phi: Floats, a: float, b: float, c: float, out: Floats) -> None:
 
 
 @kernel
-def _sines(phi: Floats) -> tuple[float, float, float]:
-    """(sin t / t,  (1 - cos t) / t^2,  (t - sin t) / t^3), each to the last digit for any t."""
-    t2 = phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]
-    if t2 < _SERIES:
-        c = 1 / 6 - t2 * (1 / 120 - t2 * (1 / 5040 - t2 * (1 / 362880 - t2 / 39916800)))
+def squared(phi: Floats) -> float:
+    """t^2 = phi' phi of a rotation vector."""
+    return phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]
+
+
+@kernel
+def sines(t2: float) -> tuple[float, float, float]:
+    """(sin t / t,  (1 - cos t) / t^2,  (t - sin t) / t^3) from t^2, without cancellation for any t."""
+    if t2 < SERIES:
         b = 0.5 - t2 * (1 / 24 - t2 * (1 / 720 - t2 * (1 / 40320 - t2 * (1 / 3628800 - t2 / 479001600))))
+        c = 1 / 6 - t2 * (1 / 120 - t2 * (1 / 5040 - t2 * (1 / 362880 - t2 / 39916800)))
         return 1.0 - t2 * c, b, c
     t = sqrt(t2)
     half = sin(0.5 * t)
@@ -184,10 +189,9 @@ def _sines(phi: Floats) -> tuple[float, float, float]:
 
 
 @kernel
-def _cotangent(phi: Floats) -> float:
-    """(1 - t/2 cot(t/2)) / t^2: the last coefficient of the inverse Jacobians, finite for t < 2 pi."""
-    t2 = phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]
-    if t2 < _SERIES:
+def cotangent(t2: float) -> float:
+    """(1 - t/2 cot(t/2)) / t^2 from t^2: the last coefficient of the inverse Jacobians, finite for t < 2 pi."""
+    if t2 < SERIES:
         return 1 / 12 + t2 * (1 / 720 + t2 * (1 / 30240 + t2 * (1 / 1209600 + t2 / 47900160)))
     half = 0.5 * sqrt(t2)
     return (1.0 - half * cos(half) / sin(half)) / t2
@@ -196,8 +200,8 @@ def _cotangent(phi: Floats) -> float:
 @kernel
 def so3_exp(phi: Floats, R: Floats) -> None:
     """R (3, 3) = Exp(phi) = I + sin t / t S + (1 - cos t) / t^2 S^2."""
-    s, c, _ = _sines(phi)
-    _polynomial(phi, 1.0, s, c, R)
+    s, c, _ = sines(squared(phi))
+    skew_polynomial(phi, 1.0, s, c, R)
 
 
 @kernel
@@ -210,27 +214,27 @@ def so3_log(R: Floats, phi: Floats) -> None:
 @kernel
 def right_jacobian(phi: Floats, J: Floats) -> None:
     """J (3, 3) = Jr(phi) = I - (1 - cos t)/t^2 S + (t - sin t)/t^3 S^2."""
-    _, b, c = _sines(phi)
-    _polynomial(phi, 1.0, -b, c, J)
+    _, b, c = sines(squared(phi))
+    skew_polynomial(phi, 1.0, -b, c, J)
 
 
 @kernel
 def right_jacobian_inverse(phi: Floats, J: Floats) -> None:
     """J (3, 3) = Jr(phi)^-1 = I + S/2 + (1 - t/2 cot(t/2))/t^2 S^2;  t < 2 pi."""
-    _polynomial(phi, 1.0, 0.5, _cotangent(phi), J)
+    skew_polynomial(phi, 1.0, 0.5, cotangent(squared(phi)), J)
 
 
 @kernel
 def left_jacobian(phi: Floats, J: Floats) -> None:
     """J (3, 3) = Jl(phi) = Jr(-phi): Exp(phi + d) = Exp(Jl d) Exp(phi)."""
-    _, b, c = _sines(phi)
-    _polynomial(phi, 1.0, b, c, J)
+    _, b, c = sines(squared(phi))
+    skew_polynomial(phi, 1.0, b, c, J)
 
 
 @kernel
 def left_jacobian_inverse(phi: Floats, J: Floats) -> None:
     """J (3, 3) = Jl(phi)^-1 = Jr(-phi)^-1;  t < 2 pi."""
-    _polynomial(phi, 1.0, -0.5, _cotangent(phi), J)
+    skew_polynomial(phi, 1.0, -0.5, cotangent(squared(phi)), J)
 
 
 @kernel
