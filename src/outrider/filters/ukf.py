@@ -1,0 +1,325 @@
+"""Unscented Kalman filter on the tangent space: building blocks for the loops, pure functions above them.
+
+Sigma points are x [+] (+-) gamma (columns of chol P); their mean is found by averaging in the tangent space until the
+average is the origin. They are drawn afresh before every measurement, so that on a linear problem the filter is the
+Kalman filter to rounding. The updated covariance is a sum of squares, so with non-negative weights (the default) it
+cannot become indefinite, whatever the gain.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple, final
+
+import numpy as np
+
+from outrider._kernel import kernel
+from outrider.core.linalg import cholesky, solve_lower, solve_lower_rows, solve_upper_rows
+from outrider.core.manifold import local, retract
+from outrider.data.belief import Gaussian
+from outrider.errors import ConfigError, DataError
+from outrider.filters.ekf import Updated, kept, transport
+from outrider.typing import Floats, Ints
+
+# ------------------------------------------------------------------------------------------------ kernels
+
+
+class Work(NamedTuple):
+    """Scratch of one filter with p = 2 n + 1 sigma points: X[0] is the centre, then +, then -."""
+
+    wm: Floats  # (p,)    weights of means
+    wc: Floats  # (p,)    weights of covariances
+    gamma: Floats  # (1,) spread in standard deviations
+    X: Floats  # (p, layout.size) sigma points
+    E: Floats  # (p, n)   their tangent vectors at the mean
+    Y: Floats  # (p, m)   innovations z [-] h(X), afterwards about their mean
+    L: Floats  # (n, n)
+    dx: Floats  # (n,)
+    y: Floats  # (m,)     mean innovation
+    S: Floats  # (m, m)
+    D: Floats  # (m, m)   chol S
+    v: Floats  # (m,)
+    K: Floats  # (m, n)   the gain, transposed
+    J: Floats  # (3, 3)
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spread:
+    """How far sigma points reach: gamma^2 = alpha^2 (n + kappa), centre weight 1 - n / gamma^2 (Wan, Merwe 2000).
+
+    The default is the spherical cubature rule (Arasaratnam, Haykin 2009): 2 n equal weights, none at the centre, none
+    negative. The customary alpha = 1e-3 puts a weight of about -1e6 on the centre and loses as many digits.
+    """
+
+    alpha: float = 1.0
+    beta: float = 0.0
+    kappa: float = 0.0
+
+    def weights(self, n: int) -> tuple[Floats, Floats, float]:
+        """(wm, wc, gamma) of 2 n + 1 points."""
+        gamma2 = self.alpha**2 * (n + self.kappa)
+        if not gamma2 > 0.0:
+            raise ConfigError(f"no sigma points: alpha^2 (n + kappa) = {gamma2:g}", fix="choose kappa above -n")
+        wm = np.full(2 * n + 1, 0.5 / gamma2)
+        wm[0] = 1.0 - n / gamma2
+        wc = wm.copy()
+        wc[0] += 1.0 - self.alpha**2 + self.beta
+        return wm, wc, float(np.sqrt(gamma2))
+
+
+CUBATURE = Spread()
+
+
+def workspace(size: int, n: int, m: int, spread: Spread = CUBATURE) -> Work:
+    """Scratch for a state of `size` numbers with n errors, and at most m measurements."""
+    wm, wc, gamma = spread.weights(n)
+    p = 2 * n + 1
+    shapes = ((p, size), (p, n), (p, m), (n, n), (n,), (m,), (m, m), (m, m), (m,), (m, n), (3, 3))
+    return Work(wm, wc, np.array([gamma]), *(np.zeros(shape) for shape in shapes))
+
+
+@kernel
+def draw(x: Floats, P: Floats, table: Ints, w: Work) -> bool:
+    """X <- x [+] (0, +gamma L, -gamma L), E their tangent vectors, P = L L'; False when P has no Cholesky factor."""
+    n, gamma = P.shape[0], w.gamma[0]
+    if not cholesky(P, n, w.L):
+        return False
+    w.E[0] = 0.0
+    for k in range(n):
+        for j in range(k):
+            w.E[1 + k, j] = 0.0
+            w.E[1 + n + k, j] = 0.0
+        for j in range(k, n):
+            e = gamma * w.L[j, k]
+            w.E[1 + k, j] = e
+            w.E[1 + n + k, j] = -e
+    for i in range(2 * n + 1):
+        for j in range(x.size):
+            w.X[i, j] = x[j]
+        retract(w.X[i], w.E[i], table)
+    return True
+
+
+@kernel
+def tangent_mean(X: Floats, weights: Floats, table: Ints, x: Floats, E: Floats, dx: Floats) -> None:
+    """x <- the weighted mean of members X, starting from X[0]; E (members, n) <- their tangent vectors at the mean.
+
+    On a vector one step is exact; with rotations the step is repeated until it is below 1e-10 rad.
+    """
+    curved = False
+    for b in range(table.shape[0]):
+        curved = curved or table[b, 0] == 2
+    for j in range(x.size):
+        x[j] = X[0, j]
+    for _ in range(30):
+        for j in range(dx.size):
+            dx[j] = 0.0
+        for i in range(X.shape[0]):
+            local(X[i], x, table, E[i])
+            for j in range(dx.size):
+                dx[j] += weights[i] * E[i, j]
+        retract(x, dx, table)
+        if not curved or _turn(dx, table) < 1e-10:
+            break
+    for i in range(X.shape[0]):
+        for j in range(dx.size):
+            E[i, j] -= dx[j]
+
+
+@kernel
+def _turn(dx: Floats, table: Ints) -> float:
+    """The largest component of the rotations in dx [rad]."""
+    largest = 0.0
+    for b in range(table.shape[0]):
+        if table[b, 0] == 2:
+            for j in range(table[b, 2], table[b, 2] + 3):
+                largest = max(largest, abs(dx[j]))
+    return largest
+
+
+@kernel
+def recover(x: Floats, P: Floats, Q: Floats, table: Ints, w: Work) -> None:
+    """x, P <- moments of the sigma points w.X after the process, and the noise Q that the process added."""
+    tangent_mean(w.X, w.wm, table, x, w.E, w.dx)
+    n = P.shape[0]
+    for i in range(n):
+        for j in range(i + 1):
+            P[i, j] = Q[i, j]
+    add_squares(w.E, w.wc, P)
+
+
+@kernel
+def add_squares(E: Floats, weights: Floats, P: Floats) -> None:
+    """P <- P + sum_i w_i e_i e_i' (the lower triangle counts; both are written)."""
+    n = P.shape[0]
+    for i in range(E.shape[0]):
+        if weights[i] != 0.0:
+            for j in range(n):
+                c = weights[i] * E[i, j]
+                for k in range(j + 1):
+                    P[j, k] += c * E[i, k]
+    for j in range(n):
+        for k in range(j):
+            P[k, j] = P[j, k]
+
+
+@kernel
+def innovate(r: Floats, m: int, w: Work) -> float:
+    """From innovations w.Y at the points of `draw`: y, S and the gain; returns the NIS, NaN when S is not positive.
+
+    y = sum w Y,  C = - sum w e (Y - y)',  S = sum w (Y - y) (Y - y)' + diag(r),  K = C S^-1
+    """
+    p, n = w.E.shape
+    for k in range(m):
+        w.y[k] = 0.0
+        for i in range(p):
+            w.y[k] += w.wm[i] * w.Y[i, k]
+        for l in range(k):
+            w.S[k, l] = 0.0
+        w.S[k, k] = r[k]
+        for j in range(n):
+            w.K[k, j] = 0.0
+    for i in range(p):
+        for k in range(m):
+            w.Y[i, k] -= w.y[k]
+            c = w.wc[i] * w.Y[i, k]
+            for l in range(k + 1):
+                w.S[k, l] += c * w.Y[i, l]
+            for j in range(n):
+                w.K[k, j] -= c * w.E[i, j]
+    if not cholesky(w.S, m, w.D):
+        return np.nan
+    nis = 0.0
+    for k in range(m):
+        w.v[k] = w.y[k]
+    solve_lower(w.D, m, w.v)
+    for k in range(m):
+        nis += w.v[k] * w.v[k]
+    solve_lower_rows(w.D, m, w.K)
+    solve_upper_rows(w.D, m, w.K)
+    return nis
+
+
+@kernel
+def correct(x: Floats, P: Floats, r: Floats, m: int, keep: Floats, table: Ints, w: Work) -> None:
+    """Second half of an update, after `innovate` and its gate.
+
+    x <- x [+] K y,  P <- sum w (e + K (Y - y)) (e + K (Y - y))' + K diag(r) K', a sum of squares for any gain.
+    """
+    p, n = w.E.shape
+    for j in range(n):
+        w.dx[j] = 0.0
+        for k in range(m):
+            w.K[k, j] *= keep[j]
+            w.dx[j] += w.K[k, j] * w.y[k]
+    for i in range(p):
+        for k in range(m):
+            c = w.Y[i, k]
+            for j in range(n):
+                w.E[i, j] += c * w.K[k, j]
+    for i in range(n):
+        for j in range(i + 1):
+            s = 0.0
+            for k in range(m):
+                s += w.K[k, i] * r[k] * w.K[k, j]
+            P[i, j] = s
+    add_squares(w.E, w.wc, P)
+    transport(P, w.dx, table, False, w.J)
+    retract(x, w.dx, table)
+
+
+# ------------------------------------------------------------------------------------------------ pure steps
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Repair:
+    """What was done to make a covariance positive definite: nothing if `lowest` is above `floor`."""
+
+    P: Floats
+    lowest: float  # smallest eigenvalue found, of P scaled to unit diagonal
+    raised: int  # how many eigenvalues were raised to the floor
+
+
+def repaired(P: Floats, floor: float = 1e-12) -> Repair:
+    """The nearest usable covariance: symmetric, eigenvalues of the correlation matrix at least `floor`.
+
+    Scaling first keeps a bias of 1e-6 rad/s from being drowned by a position of 1e3 m.
+    """
+    scale = np.sqrt(np.maximum(np.abs(np.diag(P)), 1e-300))
+    values, vectors = np.linalg.eigh(0.5 * (P + P.T) / np.outer(scale, scale))
+    lifted = np.maximum(values, floor)
+    C = (vectors * lifted) @ vectors.T
+    return Repair(0.5 * (C + C.T) * np.outer(scale, scale), float(values[0]), int(np.sum(values < floor)))
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Predicted:
+    """A belief after a process step, and how many eigenvalues of the prior covariance had to be raised to draw it."""
+
+    belief: Gaussian
+    repaired: int
+
+
+def predict(
+    belief: Gaussian, f: Callable[[Floats, float], Floats], dt: float, Q: Floats, *, spread: Spread = CUBATURE
+) -> Predicted:
+    """The belief one process step later.
+
+    Parameters
+    ----------
+    f : (x, dt) -> x after dt; need not return a normalised quaternion
+    Q : (n, n) noise that the step adds to the error state
+    """
+    x, P, layout = belief.x.copy(), belief.P.copy(), belief.layout
+    w = workspace(x.size, P.shape[0], 1, spread)
+    raised = _draw(x, P, layout.table, w)
+    for i, point in enumerate(w.X.copy()):
+        w.X[i] = f(point, dt)
+    recover(x, P, np.ascontiguousarray(Q, float), layout.table, w)
+    return Predicted(Gaussian(x, P, layout), raised)
+
+
+def update(
+    belief: Gaussian,
+    residual: Callable[[Floats], Floats],
+    R: Floats,
+    *,
+    consider: tuple[str, ...] = (),
+    spread: Spread = CUBATURE,
+) -> Updated:
+    """Fuse one measurement.
+
+    Parameters
+    ----------
+    residual : x -> (m,) innovation z [-] h(x), its angles wrapped
+    R : (m, m) noise covariance of z, or (m,) variances
+    consider : names of state blocks that the measurement depends on and must not change
+    """
+    x, P, layout = belief.x.copy(), belief.P.copy(), belief.layout
+    noise = np.array(R, float)
+    root = np.diag(np.sqrt(noise)) if noise.ndim == 1 else np.linalg.cholesky(noise)
+    m = root.shape[0]
+    w = workspace(x.size, P.shape[0], m, spread)
+    raised = _draw(x, P, layout.table, w)
+    for i, point in enumerate(w.X.copy()):
+        w.Y[i] = np.linalg.solve(root, residual(point))  # whitened: unit variances
+    r = np.ones(m)
+    nis = innovate(r, m, w)
+    if not np.isfinite(nis):
+        raise DataError("the innovation covariance is not positive definite", fix="check P and R for negative or NaN")
+    S = np.tril(w.S) + np.tril(w.S, -1).T
+    correct(x, P, r, m, kept(layout, consider), layout.table, w)
+    return Updated(Gaussian(x, P, layout), root @ S @ root.T, nis, raised)
+
+
+def _draw(x: Floats, P: Floats, table: Ints, w: Work) -> int:
+    """Sigma points of a belief, its covariance repaired in place if it must be; returns how many eigenvalues were."""
+    if draw(x, P, table, w):
+        return 0
+    repair = repaired(P)
+    P[:] = repair.P
+    if not draw(x, P, table, w):
+        raise DataError("the covariance is not finite", fix="look at the step before for a division by zero")
+    return repair.raised
