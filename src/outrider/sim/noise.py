@@ -1,0 +1,38 @@
+"""Random processes: white noise, random walks, first-order Gauss-Markov, and one generator per robot and sensor."""
+
+from zlib import crc32
+
+import numpy as np
+from numpy.random import Generator
+
+from outrider.typing import Floats
+
+
+def generator(seed: int, robot: str, source: str) -> Generator:
+    """The random numbers of one source of one robot; adding another source leaves them as they are."""
+    key = (crc32(robot.encode()), crc32(source.encode()))
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
+
+
+def white(rng: Generator, n: int, columns: int, sigma: float | tuple[float, ...]) -> Floats:
+    """(n, columns) independent draws of standard deviation sigma, one for all columns or one each."""
+    return rng.standard_normal((n, columns)) * np.asarray(sigma)
+
+
+def random_walk(rng: Generator, n: int, columns: int, dt: float, density: float, start: float = 0.0) -> Floats:
+    """(n, columns) x' = white noise of the given density [unit/s/sqrt(Hz)]; x_0 ~ N(0, start^2)."""
+    steps = rng.standard_normal((n, columns)) * density * np.sqrt(dt)
+    steps[:1] = rng.standard_normal((1, columns)) * start
+    return np.cumsum(steps, axis=0)
+
+
+def gauss_markov(
+    rng: Generator, n: int, columns: int, dt: float, sigma: float | tuple[float, ...], tau_s: float
+) -> Floats:
+    """(n, columns) x' = -x / tau + noise, in its steady state: deviation sigma, autocorrelation exp(-lag / tau)."""
+    x = rng.standard_normal((n, columns)) * np.asarray(sigma)
+    keep = np.exp(-dt / tau_s)
+    x[1:] *= np.sqrt(1.0 - keep * keep)
+    for k in range(1, n):
+        x[k] += keep * x[k - 1]
+    return x

@@ -1,0 +1,166 @@
+"""What really happened: poses, rates, specific force and slow sensor errors of one robot at the rate of its IMU.
+
+World ENU, body FLU, flat and not rotating: the Earth's rate and its curvature are left out.
+"""
+
+from dataclasses import dataclass, fields, replace
+from typing import final
+
+import numpy as np
+from numpy.random import Generator
+
+from outrider.core.rotations import quats_to_matrices, slerp
+from outrider.data import Datum, Trajectory
+from outrider.errors import ConfigError
+from outrider.models.motion.planar import PlanarRobot
+from outrider.models.motion.strapdown import StrapdownIns
+from outrider.sim.noise import gauss_markov, random_walk
+from outrider.typing import Bools, Floats, Ints
+
+EPOCH = 1_750_000_000_000_000_000  # ns: 15 June 2025, within the bundled magnetic model
+SITE = Datum(lat=np.deg2rad(45.0), lon=np.deg2rad(7.6), alt=240.0)
+STANDARD_GRAVITY = 9.80665  # m/s^2
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Place:
+    """Where, when and who: gravity [m/s^2], the datum of the site frame, the first stamp [ns], the robot's name."""
+
+    gravity: float = STANDARD_GRAVITY
+    datum: Datum = SITE
+    t0: int = EPOCH
+    robot: str = "robot"
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Biases:
+    """Slow errors of the sensors. gyro (n, 3) rad/s, accel (n, 3) m/s^2, gnss (n, 3) m in the world, baro (n,) m,
+    wheels (n,): true speed = (1 + wheels) measured speed."""
+
+    gyro: Floats
+    accel: Floats
+    gnss: Floats
+    baro: Floats
+    wheels: Floats
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Truth:
+    """One robot's true motion.
+
+    t : (n,) int64 ns, evenly spaced;  p, v : (n, 3) m and m/s, site frame;  q : (n, 4) x y z w, R_site_body;
+    w, f : (n, 3) body rate [rad/s] and specific force [m/s^2] at the body origin, in the body;  gravity [m/s^2], down.
+    """
+
+    t: Ints
+    p: Floats
+    q: Floats
+    v: Floats
+    w: Floats
+    f: Floats
+    bias: Biases
+    gravity: float = STANDARD_GRAVITY
+    datum: Datum = SITE
+    robot: str = "robot"
+
+    def __len__(self) -> int:
+        return int(self.t.size)
+
+    @property
+    def dt(self) -> float:
+        """Step [s]."""
+        return float(self.t[-1] - self.t[0]) * 1e-9 / (self.t.size - 1)
+
+    def trajectory(self) -> Trajectory:
+        """The poses and velocities alone."""
+        return Trajectory(t=self.t, p=self.p, q=self.q, v=self.v, datum=self.datum, name="truth")
+
+    def select(self, keep: Bools | slice) -> "Truth":
+        """The same truth with only the given rows."""
+        bias = Biases(**{f.name: getattr(self.bias, f.name)[keep] for f in fields(Biases)})
+        rows = {name: getattr(self, name)[keep] for name in ("t", "p", "q", "v", "w", "f")}
+        return replace(self, bias=bias, **rows)
+
+    def at(self, t: Ints) -> "Truth":
+        """The truth at other stamps [ns] within its span: cubic in position, SLERP in attitude, linear in the rest."""
+        if t.size and (t.min() < self.t[0] or t.max() > self.t[-1]):
+            raise ConfigError("truth is not extrapolated", where=self.robot, fix="ask for stamps within its span")
+        i = np.clip(np.searchsorted(self.t, t, side="right") - 1, 0, self.t.size - 2)
+        u = ((t - self.t[i]) / (self.t[i + 1] - self.t[i]))[:, None]
+
+        def line(x: Floats) -> Floats:
+            part = u if x.ndim == 2 else u[:, 0]
+            return x[i] + part * (x[i + 1] - x[i])
+
+        a, b, h = self.v[i] * self.dt, self.v[i + 1] * self.dt, self.p[i + 1] - self.p[i]
+        p = self.p[i] + u * (a + u * (3 * h - 2 * a - b + u * (a + b - 2 * h)))  # cubic Hermite
+        bias = Biases(**{f.name: line(getattr(self.bias, f.name)) for f in fields(Biases)})
+        q = slerp(t, self.t, self.q)
+        return replace(self, t=t, p=p, q=q, v=line(self.v), w=line(self.w), f=line(self.f), bias=bias)
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drift:
+    """How slow errors start (one sigma) and walk; random walks as densities [unit/s/sqrt(Hz)]."""
+
+    gyro_start: float = 2e-3  # rad/s
+    gyro_walk: float = 2e-5
+    accel_start: float = 0.03  # m/s^2
+    accel_walk: float = 3e-4
+    gnss_sigma: float = 0.0  # m, east and north, Gauss-Markov
+    gnss_sigma_up: float = 0.0
+    gnss_tau_s: float = 60.0
+    baro_start: float = 0.0  # m
+    baro_walk: float = 0.0
+    wheels_start: float = 0.02
+    wheels_walk: float = 0.0  # per sqrt(m) travelled
+
+    @classmethod
+    def of(cls, model: PlanarRobot | StrapdownIns) -> "Drift":
+        """What a process model expects."""
+        if isinstance(model, StrapdownIns):
+            return cls(
+                gyro_start=model.initial_gyro_bias,
+                gyro_walk=model.gyro_bias_walk,
+                accel_start=model.initial_accel_bias,
+                accel_walk=model.accel_bias_walk,
+                gnss_sigma=model.gnss_bias,
+                gnss_sigma_up=model.gnss_bias_up,
+                gnss_tau_s=model.gnss_time,
+                baro_start=model.initial_baro_bias,
+                baro_walk=model.baro_walk,
+                wheels_start=0.0,
+            )
+        return cls(
+            gyro_start=model.initial_gyro_bias,
+            gyro_walk=model.gyro_bias_walk,
+            gnss_sigma=model.gnss_bias,
+            gnss_tau_s=model.gnss_time,
+            wheels_start=model.initial_scale,
+            wheels_walk=model.scale_walk,
+        )
+
+
+def drift(truth: Truth, rng: Generator, how: Drift = Drift()) -> Truth:
+    """The same motion with slow sensor errors drawn anew."""
+    n, dt = len(truth), truth.dt
+    travelled = np.linalg.norm(truth.v, axis=1) * dt
+    gyro, accel, gnss, baro, wheels = rng.spawn(5)  # so that changing one leaves the others alone
+    bias = Biases(
+        gyro=random_walk(gyro, n, 3, dt, how.gyro_walk, how.gyro_start),
+        accel=random_walk(accel, n, 3, dt, how.accel_walk, how.accel_start),
+        gnss=gauss_markov(gnss, n, 3, dt, (how.gnss_sigma, how.gnss_sigma, how.gnss_sigma_up), how.gnss_tau_s),
+        baro=random_walk(baro, n, 1, dt, how.baro_walk, how.baro_start)[:, 0],
+        wheels=wheels.standard_normal() * how.wheels_start
+        + np.cumsum(wheels.standard_normal(n) * how.wheels_walk * np.sqrt(travelled)),
+    )
+    return replace(truth, bias=bias)
+
+
+def rotate(q: Floats, v: Floats) -> Floats:
+    """R(q) v for rows of q (n, 4) and v (n, 3) or (3,)."""
+    return np.einsum("nij,nj->ni", quats_to_matrices(q), np.broadcast_to(v, (q.shape[0], 3)))
