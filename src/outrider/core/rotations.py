@@ -26,7 +26,7 @@ from outrider.core.attitudes import rpy_to_quats as rpy_to_quats
 from outrider.core.attitudes import slerp as slerp
 from outrider.typing import Floats
 
-# Below this t^2 the closed forms of the Jacobians lose digits by cancellation and their series, cut at t^8, are exact.
+# Below this t^2 the closed forms of the Jacobians lose digits by cancellation and their series, cut at t^10, are exact.
 SERIES = 0.09
 # Below this t^2 sin(t)/t and its like are exact to the second term.
 _TINY = 1e-8
@@ -180,8 +180,10 @@ def squared(phi: Floats) -> float:
 def sines(t2: float) -> tuple[float, float, float]:
     """(sin t / t,  (1 - cos t) / t^2,  (t - sin t) / t^3) from t^2, without cancellation for any t."""
     if t2 < SERIES:
-        b = 0.5 - t2 * (1 / 24 - t2 * (1 / 720 - t2 * (1 / 40320 - t2 * (1 / 3628800 - t2 / 479001600))))
-        c = 1 / 6 - t2 * (1 / 120 - t2 * (1 / 5040 - t2 * (1 / 362880 - t2 / 39916800)))
+        b = t2 * (1 / 720 - t2 * (1 / 40320 - t2 * (1 / 3628800 - t2 / 479001600)))
+        b = 0.5 - t2 * (1 / 24 - b)
+        c = t2 * (1 / 5040 - t2 * (1 / 362880 - t2 * (1 / 39916800 - t2 / 6227020800)))
+        c = 1 / 6 - t2 * (1 / 120 - c)
         return 1.0 - t2 * c, b, c
     t = sqrt(t2)
     half = sin(0.5 * t)
@@ -192,7 +194,8 @@ def sines(t2: float) -> tuple[float, float, float]:
 def cotangent(t2: float) -> float:
     """(1 - t/2 cot(t/2)) / t^2 from t^2: the last coefficient of the inverse Jacobians, finite for t < 2 pi."""
     if t2 < SERIES:
-        return 1 / 12 + t2 * (1 / 720 + t2 * (1 / 30240 + t2 * (1 / 1209600 + t2 / 47900160)))
+        tail = t2 * (1 / 1209600 + t2 * (1 / 47900160 + t2 * (691 / 1307674368000)))
+        return 1 / 12 + t2 * (1 / 720 + t2 * (1 / 30240 + tail))
     half = 0.5 * sqrt(t2)
     return (1.0 - half * cos(half) / sin(half)) / t2
 

@@ -121,8 +121,10 @@ def _sine_slopes(t2: float) -> tuple[float, float, float, float]:
     """b, c of `sines` and b', c' = (d/dt)/t of them, from t^2."""
     a, b, c = sines(t2)
     if t2 < SERIES:
-        db = -1 / 12 + t2 * (1 / 180 - t2 * (1 / 6720 - t2 * (1 / 453600 - t2 / 47900160)))
-        dc = -1 / 60 + t2 * (1 / 1260 - t2 * (1 / 60480 - t2 * (1 / 4989600 - t2 / 622702080)))
+        db = t2 * (1 / 6720 - t2 * (1 / 453600 - t2 * (1 / 47900160 - t2 / 7264857600)))
+        db = -1 / 12 + t2 * (1 / 180 - db)
+        dc = t2 * (1 / 60480 - t2 * (1 / 4989600 - t2 * (1 / 622702080 - t2 / 108972864000)))
+        dc = -1 / 60 + t2 * (1 / 1260 - dc)
         return b, c, db, dc
     return b, c, (a - 2.0 * b) / t2, (b - 3.0 * c) / t2
 
