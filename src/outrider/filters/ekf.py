@@ -151,10 +151,14 @@ def transport(P: Floats, dx: Floats, table: Ints, back: bool, J: Floats) -> None
             p, q, r = P[s, j], P[s + 1, j], P[s + 2, j]
             for i in range(3):
                 P[s + i, j] = J[i, 0] * p + J[i, 1] * q + J[i, 2] * r
-        for j in range(n):
-            p, q, r = P[j, s], P[j, s + 1], P[j, s + 2]
-            for i in range(3):
-                P[j, s + i] = J[i, 0] * p + J[i, 1] * q + J[i, 2] * r
+        for i in range(3):
+            p, q, r = P[s + i, s], P[s + i, s + 1], P[s + i, s + 2]
+            for j in range(i + 1):
+                P[s + i, s + j] = J[j, 0] * p + J[j, 1] * q + J[j, 2] * r
+        for i in range(3):
+            for j in range(n):
+                if j < s + i or j >= s + 3:
+                    P[j, s + i] = P[s + i, j]
 
 
 @kernel
