@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 DATA_SUFFIXES = (".bag", ".mcap", ".db3")
 _SIGNS = {b"#ROSBAG V": "rosbag1", b"\x89MCAP0\r\n": "mcap", b"SQLite format 3\0": "sqlite3"}
+_INT64 = 2**63
 _COMPRESSED = re.compile(r"compression_mode:\s*['\"]?(file|message)\b", re.IGNORECASE)
 
 
@@ -40,22 +41,31 @@ class Bag:
     source: _Source
     start: int
     size: int
-    damage: str = ""  # why it is read without its index
+
+    @property
+    def connections(self) -> list["Connection"]:
+        """Those that make sense: a damaged table of topics may hold anything."""
+        kinds = (str, str, int)
+        return [c for c in self.source.connections if tuple(map(type, (c.topic, c.msgtype, c.msgcount))) == kinds]
 
     def messages(
         self, connections: Collection["Connection"], start: int | None, stop: int | None, notes: list[str]
     ) -> Iterator[tuple["Connection", int, bytes]]:
         """Records of the given connections; a damaged place ends them with a note, not with an error."""
-        count = 0
         if not connections:
             return
+        count = lost = 0
         try:
-            for record in self.source.messages(connections, start, stop):
-                count += 1
-                yield record
+            for connection, time, raw in self.source.messages(connections, start, stop):
+                # sqlite keeps what it is given, and a damaged page gives anything
+                if type(raw) is bytes and type(time) is int and 0 <= time < _INT64:
+                    count += 1
+                    yield connection, time, raw
+                else:
+                    lost += 1
         except Exception as e:  # a damaged file may raise anything inside the container's reader
             notes.append(f"{self.path.name}: damaged after {count} records, the rest was not read ({_one_line(e)})")
-        if lost := getattr(self.source, "lost", 0):
+        if lost := lost + getattr(self.source, "lost", 0):
             notes.append(f"{self.path.name}: {lost} damaged records or chunks were left out")
 
 
@@ -121,7 +131,7 @@ def _open_file(path: Path, stack: ExitStack, notes: list[str]) -> Bag:
         reader.open()
         stack.callback(reader.close)
         start = reader.start_time if kind == "rosbag1" else reader.metadata.start_time
-        return Bag(path, kind != "rosbag1", reader, start, size)
+        return Bag(path, kind != "rosbag1", reader, int(start), size)
     except Exception as e:  # asserts, struct and decompression errors included: the index of a damaged file
         return _salvaged(kind, path, size, _one_line(e), notes)
 
@@ -143,7 +153,7 @@ def _salvaged(kind: str, path: Path, size: int, why: str, notes: list[str]) -> B
         raise DataError(f"the recording cannot be read: {why}", where=str(path), fix=f"try `{remedy}`")
     count = sum(c.msgcount for c in rescued.connections)
     notes.append(f"{path.name}: no usable index ({why}); {count} records found by a scan (`{remedy}` mends the file)")
-    return Bag(path, kind != "rosbag1", rescued, rescued.start_time, size, why)  # type: ignore[arg-type]
+    return Bag(path, kind != "rosbag1", rescued, rescued.start_time, size)  # type: ignore[arg-type]
 
 
 def _natural(path: Path) -> list[tuple[int, str]]:

@@ -127,8 +127,8 @@ def nothing(fields: Sequence[Leaf]) -> dict[str, NDArray[Any]]:
 
 def encode(shape: Layout, template: bytes, columns: Mapping[str, Any], n: int) -> list[bytes]:
     """n copies of a serialized message with the named columns replaced."""
-    table = np.frombuffer(template * n, shape.dtype).copy()
+    buffer, size = bytearray(template * n), len(template)
+    table = np.frombuffer(buffer, shape.dtype)  # a view: a copy would not carry what lies between the fields
     for name, values in columns.items():
         table[name] = values
-    raw, size = table.tobytes(), shape.dtype.itemsize
-    return [raw[i : i + size] for i in range(0, n * size, size)]
+    return [bytes(buffer[i : i + size]) for i in range(0, n * size, size)]

@@ -79,7 +79,7 @@ def read_rosbag(
 
 def _wanted(path: Path, bags: Sequence[Bag], topics: Sequence[str] | None) -> frozenset[str]:
     """Names of the topics to read; DataError if one of those asked for is not there."""
-    there = frozenset(c.topic for bag in bags for c in bag.source.connections)
+    there = frozenset(c.topic for bag in bags for c in bag.connections)
     if topics is None:
         return there
     for name in topics:
@@ -90,7 +90,7 @@ def _wanted(path: Path, bags: Sequence[Bag], topics: Sequence[str] | None) -> fr
 
 def _read_still_links(bag: Bag, links: Links, notes: list[str]) -> None:
     """All of /tf_static, whatever time span was asked for: it is sent once, at the beginning."""
-    still = [c for c in bag.source.connections if c.msgtype in _TF and "static" in c.topic]
+    still = [c for c in bag.connections if c.msgtype in _TF and "static" in c.topic]
     decoders = {c.id: _decoder(c, ros2=bag.ros2) for c in still}
     for connection, _, raw in bag.messages(still, None, None, notes):
         _add_links(links, decoders[connection.id], raw)
@@ -115,7 +115,7 @@ def _read_topics(
     """Feed all messages of one file to its topics; yields the share that is done."""
     feeds: dict[int, Callable[[int, bytes], None]] = {}
     used: list[Connection] = []
-    for c in bag.source.connections:
+    for c in bag.connections:
         if c.msgtype in _TF and "static" not in c.topic:
             feeds[c.id] = _link_feed(links, _decoder(c, ros2=bag.ros2))
         elif c.topic in wanted and (topic := _topic_of(c, bag, sinks, notes)):
@@ -193,7 +193,7 @@ def _title(connection: "Connection") -> str:
 def _unused(bags: Sequence[Bag], wanted: Collection[str], sinks: Topics) -> list[str]:
     """One line for each topic that gives nothing: not a type that fusion uses, or without a message."""
     counts: dict[str, int] = {}
-    for c in (c for bag in bags for c in bag.source.connections if c.topic in wanted and c.msgtype not in _TF):
+    for c in (c for bag in bags for c in bag.connections if c.topic in wanted and c.msgtype not in _TF):
         if c.msgtype not in MESSAGES or not c.msgcount:
             counts[_title(c)] = counts.get(_title(c), 0) + c.msgcount
     return [f"{title}: {f'not used by fusion, {n} messages' if n else 'no message'}" for title, n in counts.items()]
