@@ -1,5 +1,7 @@
 """Frames: attitudes one can check by hand, determinants, and there and back."""
 
+import subprocess
+import sys
 from math import pi
 
 import numpy as np
@@ -78,3 +80,9 @@ def test_compass(azimuth: float, heading: float) -> None:
     back = frames.azimuth_from_heading(np.radians([heading]))
     assert_allclose(np.exp(1j * back), np.exp(1j * np.radians(azimuth)), rtol=0, atol=1e-14)
     assert -pi < back[0] <= pi
+
+
+def test_readers_of_logs_need_no_compiler() -> None:
+    """These modules are imported by every command; the compiler takes a second to load."""
+    code = "import sys, outrider.core.frames, outrider.core.geodesy, outrider.core.magnetism, outrider.core.sampling\n"
+    subprocess.run([sys.executable, "-c", code + "sys.exit('numba' in sys.modules)"], check=True)

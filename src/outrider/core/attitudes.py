@@ -1,8 +1,11 @@
-"""Arrays of rotations in numpy: whole trajectories at once, any leading shape, nothing to compile.
+"""Arrays of angles and attitudes in numpy: whole trajectories at once, any leading shape, nothing to compile.
 
 Quaternions are x y z w, Hamilton, and are normalized on entry; a zero quaternion becomes NaN. One rotation at a time,
-inside a filter: the kernels of `outrider.core.rotations`.
+inside a filter: the kernels of `outrider.core.angles` and `outrider.core.rotations`, which offer these functions too.
+What must load fast, without the compiler, imports them from here.
 """
+
+from math import pi
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,6 +14,20 @@ from outrider.typing import Floats
 
 # Below this cos(pitch) roll and yaw turn about the same axis: roll is set to zero.
 GIMBAL = 1e-8
+TURN = 2.0 * pi
+
+
+def wrap_all(a: ArrayLike) -> Floats:
+    """Angles [rad] of any shape folded into (-pi, pi]; NaN stays NaN and infinity becomes it.
+
+    >>> wrap_all([0.3, -pi, 2 * pi]).tolist()
+    [0.3, 3.141592653589793, 0.0]
+    """
+    angles = np.asarray(a, dtype=np.float64)
+    angles = np.where(np.isfinite(angles), angles, np.nan)
+    folded = angles - TURN * np.ceil((angles - pi) / TURN)
+    folded = np.where(folded <= -pi, folded + TURN, folded)
+    return np.where(folded > pi, folded - TURN, folded)
 
 
 def _unit(q: ArrayLike) -> Floats:

@@ -14,7 +14,7 @@ from math import pi, sqrt
 import numpy as np
 from numpy.typing import ArrayLike
 
-from outrider.core.angles import wrap_all
+from outrider.core.attitudes import wrap_all
 from outrider.typing import Floats
 
 _SWAP = np.array([1, 0, 2])

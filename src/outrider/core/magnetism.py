@@ -13,7 +13,7 @@ from typing import Any, cast
 import numpy as np
 import pygeomag  # type: ignore[import-untyped]
 
-from outrider.core.angles import wrap
+from outrider.core.attitudes import wrap_all
 from outrider.errors import DataError
 from outrider.typing import Floats, Nanoseconds
 
@@ -72,7 +72,9 @@ def _field(lat: float, lon: float, alt: float, year: float) -> tuple[float, floa
             where="magnetic model",
             fix="latitude must lie in [-pi/2, pi/2] and all three be finite; degrees given for radians?",
         )
-    field = _model(_epoch(year)).calculate(glat=degrees(lat), glon=degrees(wrap(lon)), alt=alt / 1000.0, time=year)
+    field = _model(_epoch(year)).calculate(
+        glat=degrees(lat), glon=degrees(float(wrap_all(lon))), alt=alt / 1000.0, time=year
+    )
     return radians(field.d), radians(field.i), float(field.f) * 1e-9
 
 
