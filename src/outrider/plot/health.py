@@ -1,0 +1,71 @@
+"""The health of every source over time, as coloured bars."""
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from outrider.data import Run, SensorState
+from outrider.plot.series import seconds, start_ns
+from outrider.plot.style import LEFT, MUTED, PAPER, STATE_COLOURS, WIDTH, finish, label, styled
+from outrider.typing import Floats
+
+_BARS = 400  # per source; a state that flickers faster than the plot can show is thinned to these
+
+
+@styled
+def health_figure(run: Run) -> Figure | None:
+    """One row per source, coloured by `SensorState`; None if no source has a recorded history."""
+    sources = [a.source for a in run.accounts if a.source in run.health]
+    sources += [name for name in run.health if name not in sources]
+    sources = [name for name in sources if run.health[name].shape[0]]
+    if not sources:
+        return None
+    figure = Figure(figsize=(WIDTH, 0.1 + 0.3 * len(sources)))
+    ax = figure.add_subplot()
+    end = _end(run)
+    seen: set[SensorState] = set()
+    for row, name in enumerate(sources):
+        for begin, width, state in state_bars(run.health[name], end):
+            ax.broken_barh(
+                [(begin, width)],
+                (row - 0.32, 0.64),
+                facecolor=STATE_COLOURS[state],
+                edgecolor="none",
+                hatch="////" if state is SensorState.SILENT else None,
+                hatchcolor=PAPER,
+            )
+            seen.add(state)
+    ax.set_yticks(range(len(sources)), [label(s) for s in sources])
+    ax.set_ylim(len(sources) - 0.5, -0.5)
+    ax.set_xlim(0.0, end)
+    ax.grid(visible=False, axis="y")
+    ax.tick_params(axis="y", length=0, labelcolor=MUTED)
+    ax.set_xlabel("time from start [s]")
+    handles = [
+        Patch(
+            facecolor=STATE_COLOURS[s],
+            label=s.name.lower(),
+            edgecolor="none",
+            hatch="////" if s is SensorState.SILENT else None,
+            hatchcolor=PAPER,
+        )
+        for s in sorted(seen)
+    ]
+    return finish(figure, handles, left=max(LEFT, 0.25 + 0.078 * max(len(s) for s in sources)))
+
+
+def state_bars(history: Floats, end: float) -> list[tuple[float, float, SensorState]]:
+    """(begin, width, state) of each stretch of one state; history (k, 2) holds the changes: time [s], state."""
+    t, state = history[:, 0], history[:, 1].astype(int)
+    change = np.flatnonzero(np.concatenate([[True], np.diff(state) != 0]))
+    if change.size > _BARS:
+        change = change[np.linspace(0, change.size - 1, _BARS).astype(int)]
+    edges = np.concatenate([t[change], [max(end, float(t[-1]))]])
+    return [(float(edges[i]), float(edges[i + 1] - edges[i]), SensorState(int(state[k]))) for i, k in enumerate(change)]
+
+
+def _end(run: Run) -> float:
+    """The last second the run knows of; never zero, so that even a single sample gives an axis."""
+    last = float(seconds(run.fused.t[-1:], start_ns(run))[0]) if run.fused.t.size else 0.0
+    known = [a.last for a in run.accounts if np.isfinite(a.last)]
+    return max([last, *known, *(float(h[-1, 0]) for h in run.health.values() if h.shape[0])], default=0.0) or 1.0
