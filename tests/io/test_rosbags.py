@@ -557,3 +557,20 @@ def test_husky(recordings: Path) -> None:
                         assert np.degrees(s.z[i, 0]) == pytest.approx(m.latitude, abs=1e-12)
                     else:
                         assert s.z[i, 2] == m.angular_velocity.z
+
+
+def test_absurd_numbers_pass_through_without_a_warning(recorder: Recorder, tmp_path: Path) -> None:
+    huge, nan = np.full(36, 1e308), np.nan
+    rows = [
+        (
+            "/odom",
+            ODOMETRY,
+            stamped(T0, pose__pose__orientation=(1e308,) * 4, pose__covariance=huge, twist__covariance=huge),
+        ),
+        ("/odom", ODOMETRY, stamped(T0, pose__pose__position=(nan, -np.inf, np.inf), pose__covariance=huge * nan)),
+        ("/baro", "sensor_msgs/msg/FluidPressure", stamped(T0, fluid_pressure=nan)),
+        ("/baro", "sensor_msgs/msg/FluidPressure", stamped(T0, fluid_pressure=-1e308, variance=np.inf)),
+    ]
+    log = log_of(recorder, tmp_path, rows)
+    assert len(log.streams["/odom#pose"]) == 2 and log.streams["/odom#pose"].z[0, 3] == 1e308
+    assert np.isnan(log.streams["/baro"].z).all()

@@ -129,7 +129,9 @@ class Topic:
     def _add(self, columns: dict[str, Any], arrival: Any, strings: dict[str, str]) -> None:
         t = columns["header.stamp.sec"].astype(np.int64) * 10**9 + columns["header.stamp.nanosec"]
         frame, child = (strings.get(name, "").lstrip("/") for name in ("header.frame_id", "child_frame_id"))
-        for part in self._read(Block(columns, self.topic, frame, child)):
+        with np.errstate(all="ignore"):  # a record of absurd numbers becomes infinite or NaN, and is refused later
+            parts = self._read(Block(columns, self.topic, frame, child))
+        for part in parts:
             self._growing.setdefault((part.suffix, part.frame), _Growing(part)).add(t, arrival, part)
 
     def finish(self, robot: str) -> list[Stream]:

@@ -206,7 +206,7 @@ def _settle(streams: Iterable[Stream], notes: list[str]) -> dict[str, Stream]:
         named[s.name if s.name not in named else f"{s.name}~{s.kind.name.lower()}"] = s
     for pose in [s for s in named.values() if s.kind is Kind.ODOMETRY_POSE]:
         twist = named.get(pose.name.removesuffix("#pose"))
-        moved = bool(np.any(np.ptp(pose.z[:, :3], axis=0) > 0)) if len(pose) else False
+        moved = bool(np.any(pose.z[1:, :3] != pose.z[:-1, :3]))
         if twist is not None and moved and not twist.z.any():
             notes.append(f"{twist.name}: the twist is zero throughout while the pose moves, not taken as a measurement")
             del named[twist.name]
@@ -216,7 +216,7 @@ def _settle(streams: Iterable[Stream], notes: list[str]) -> dict[str, Stream]:
     for s in named.values():
         if s.malformed:
             notes.append(f"{s.name}: {s.malformed} messages could not be decoded")
-        if s.kind is Kind.BARO and len(s) and np.nanmedian(s.extra["pressure"]) < HECTOPASCALS:
+        if s.kind is Kind.BARO and np.any((s.extra["pressure"] > 0) & (s.extra["pressure"] < HECTOPASCALS)):
             notes.append(f"{s.name}: pressures are in hPa, not in Pa as the message defines, and were converted")
         if "@" in s.name:
             notes.append(f"{s.name}: a second frame speaks on this topic and became a stream of its own")
