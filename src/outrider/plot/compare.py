@@ -51,7 +51,7 @@ def _curves(pairs: Association) -> list[tuple[str, Floats, Floats]]:
 
 
 def _error(ax: Axes, t: Floats, error: Floats, limit: Floats) -> bool:
-    """Draw an error and its expected size; returns whether the latter is known. The error alone sets the scale."""
+    """Draw an error and its expected size; returns whether the latter is known. The error sets the scale."""
     rows = extremes(error)
     ax.plot(t[rows], error[rows], color=FUSED, marker="." if rows.size < 200 else "", markersize=4)
     signed = bool(np.nanmin(error) < 0.0)
@@ -60,7 +60,8 @@ def _error(ax: Axes, t: Floats, error: Floats, limit: Floats) -> bool:
     known = np.isfinite(limit).any()
     if known:
         rows = extremes(limit)
-        reach = max(1.15 * float(np.nanmax(np.abs(error))), min(1.15 * float(np.nanmedian(limit)), 1e3))
+        largest = float(np.nanmax(np.abs(error)))
+        reach = max(1.15 * largest, min(1.15 * float(np.nanmedian(limit)), 4.0 * largest)) or 1e-3
         for sign in (-1, 1) if signed else (1,):
             ax.plot(t[rows], sign * limit[rows], color=MUTED, linewidth=0.9, linestyle=(0, (3, 2)))
         ax.set_ylim(-reach if signed else 0.0, reach)

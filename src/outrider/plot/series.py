@@ -25,7 +25,8 @@ def seconds(t: Ints, start: int) -> Floats:
 
 def gate(dof: Ints | Floats, tail: float) -> Floats:
     """The NIS that a good record exceeds with probability `tail`."""
-    return np.asarray(chdtri(np.maximum(dof, 1), tail), np.float64)
+    values, which = np.unique(np.maximum(dof, 1), return_inverse=True)
+    return np.asarray(chdtri(values, tail), np.float64)[which]
 
 
 def position_sd(estimates: Estimates) -> Floats:

@@ -70,7 +70,7 @@ STATE_COLOURS: Final[Mapping[SensorState, str]] = {
 }
 
 WIDTH: Final = 9.6  # inches; the page shows one inch as about 110 pixels
-LEFT, RIGHT, BELOW, ABOVE = 0.74, 0.12, 0.46, 0.06  # inches around the axes
+LEFT, RIGHT, BELOW, ABOVE = 0.84, 0.12, 0.46, 0.06  # inches around the axes
 _GAP: Final = 0.14  # inches between panels
 _RC: Final[dict[str, Any]] = {
     "figure.facecolor": "none",
@@ -177,7 +177,9 @@ def source_colours(names: Iterable[str]) -> dict[str, str]:
 def save_png(figure: Figure, path: Path, *, dpi: int = 150) -> None:
     """Write a figure to a PNG file on white paper."""
     FigureCanvasAgg(figure)
-    figure.savefig(path, format="png", dpi=dpi, facecolor=PAPER, metadata={"Software": None})
+    figure.savefig(
+        path, format="png", dpi=dpi, bbox_inches="tight", pad_inches=0.12, facecolor=PAPER, metadata={"Software": None}
+    )
 
 
 @styled
