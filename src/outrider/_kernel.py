@@ -58,5 +58,5 @@ if not os.environ.get("NUMBA_CACHE_DIR"):
 
 def kernel(function: F) -> F:
     """Compile on first use, keep on disk.  `contract` lets a*b+c be one instruction; nothing else is reordered."""
-    decorate = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+    decorate = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, no_cfunc_wrapper=True, _nrt=False)
     return cast("F", decorate(function))

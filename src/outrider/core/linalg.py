@@ -171,3 +171,11 @@ def all_finite(a: Floats) -> bool:
     for i in range(a.size):
         total += 0.0 * a[i]
     return total == 0.0
+
+
+@kernel
+def copy(a: Floats, out: Floats) -> None:
+    """out <- a, vectors or matrices of one shape."""
+    flat, to = a.reshape(a.size), out.reshape(out.size)
+    for i in range(flat.size):
+        to[i] = flat[i]

@@ -179,6 +179,7 @@ class Run:
     seed: int
     versions: Mapping[str, str]
     robot: str
+    start: int  # ns: stamp of the log's first event, zero of every time given in seconds
     datum: Datum | None
     fused: Estimates  # map -> base_link (all sources)
     local: Estimates | None  # odom -> base_link (wheels and IMU only: smooth, drifts)

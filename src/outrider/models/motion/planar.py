@@ -86,7 +86,7 @@ def propagate(x: Floats, dt: float, u: Floats, theta: Floats, F: Floats, Q: Floa
     q_p = walk_position * walk_position * travelled
     q_v, q_l, q_w = (
         accel * accel * dt,
-        0.5 * lateral * lateral * tau_lateral * (1.0 - decay * decay),
+        lateral * lateral * (1.0 - decay * decay),
         alpha * alpha * dt,
     )
     h = 0.5 * dt

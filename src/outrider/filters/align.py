@@ -1,0 +1,258 @@
+"""Initial alignment: position, attitude, heading and biases from the first seconds of the data.
+
+Nothing is typed in. The heading comes from a heading source if one is fused; otherwise from a bank of hypotheses: the
+filter is run over a growing prefix of the log from headings all round, and the one whose innovations are likeliest is
+taken once it beats everything that points elsewhere. It works from standstill and in motion.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Final, final
+
+import numpy as np
+
+from outrider.core.rotations import quat_from_rpy
+from outrider.data import Gaussian, Verdict
+from outrider.filters import step as one
+from outrider.filters.channels import Channel
+from outrider.filters.engine import Events, Filter, Queue, Track, run_batch
+from outrider.filters.step import OUT_DOF, OUT_NIS, OUT_S, ROWS
+from outrider.models.motion import Motion
+from outrider.models.sensors import Sensor
+from outrider.typing import Floats
+
+ABSOLUTE: Final = frozenset({Sensor.GNSS_POSITION, Sensor.POSITION, Sensor.POSE, Sensor.RANGE, Sensor.RANGE_BEARING})
+HEADINGS: Final = frozenset(
+    {Sensor.HEADING, Sensor.MAG_HEADING, Sensor.YAW_OF_ATTITUDE, Sensor.ATTITUDE, Sensor.POSE, Sensor.MAG_VECTOR}
+)
+HYPOTHESES: Final = 16
+SPREAD: Final = 0.35  # rad, standard deviation of one hypothesis
+FINE: Final = 9  # hypotheses of the second round, across +- one step of the first
+FINE_SPREAD: Final = 0.12  # rad
+ELSEWHERE: Final = 1.0  # rad: hypotheses further away than this must be beaten
+DECISIVE: Final = 12.0  # log-likelihood by which they must be beaten
+PREFIXES: Final = (5.0, 10.0, 20.0, 40.0, 80.0, 160.0, 320.0)  # s
+CLIP: Final = 25.0  # NIS per degree of freedom at which one record's vote stops growing
+WINDOW: Final = 1.0  # s of inertial data for levelling
+UNKNOWN_HEADING: Final = 1.8  # rad: uniform over the circle
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Alignment:
+    """prior at t_start [s]; how: one sentence on each of position, heading and level; heading_known."""
+
+    prior: Gaussian
+    t_start: float
+    how: tuple[str, ...]
+    heading_known: bool
+
+
+def align(f: Filter, q: Queue, spread: dict[str, float]) -> Alignment | None:
+    """The prior for a filter from its own data; None when no usable record exists.
+
+    spread : initial standard deviations of blocks that the first records do not tell, by block name
+    """
+    start = first_position(f, q)
+    local = start is None
+    if start is None:
+        start = first_record(q)
+    if start is None:
+        return None
+    t_start, p, var, place = start
+    x, sd = f.layout.zeros(), np.ones(f.layout.error_size)
+    for name, value in spread.items():
+        if name in f.layout:
+            sd[f.layout.error(name)] = value
+    width = f.layout.error("position").stop - f.layout.error("position").start
+    x[f.layout.state("position")] = p[:width]
+    sd[f.layout.error("position")] = np.sqrt(var[:width])
+    level = level_by_gravity(f, q, t_start, x, sd)
+    if "heading" not in f.layout and "attitude" not in f.layout:
+        return Alignment(Gaussian(x, np.diag(sd**2), f.layout), t_start, (place, level), heading_known=False)
+    yaw, yaw_sd, heading = find_heading(f, q, t_start, x, sd, local)
+    turn(f, x, yaw)
+    sd[heading_row(f)] = yaw_sd
+    known = yaw_sd < UNKNOWN_HEADING / 2
+    return Alignment(Gaussian(x, np.diag(sd**2), f.layout), t_start, (place, heading, level), known)
+
+
+def first_position(f: Filter, q: Queue) -> tuple[float, Floats, Floats, str] | None:
+    """Time, position and variance of the first usable fix: the best of the first second."""
+    found: list[tuple[float, Floats, Floats, str]] = []
+    for channel, part in zip(f.channels, q.parts, strict=True):
+        if channel.sensor not in (Sensor.GNSS_POSITION, Sensor.POSITION, Sensor.POSE) or channel.scored:
+            continue
+        good = np.flatnonzero(part.flag == Verdict.USED)
+        if good.size:
+            i = good[np.argmin(part.t[good])]
+            r = np.where(np.isfinite(part.r[i, :3]), part.r[i, :3], 1e4)
+            z = np.where(np.isfinite(part.z[i, :3]), part.z[i, :3], 0.0)
+            found.append(((part.t[i] - q.t0) * 1e-9, z, r + 0.01, f"position from the first record of {channel.name}"))
+    return min(found, key=lambda e: e[0]) if found else None
+
+
+def first_record(q: Queue) -> tuple[float, Floats, Floats, str] | None:
+    """Time of the first usable record, with the origin as position: a local frame."""
+    times = [(p.t[p.flag == Verdict.USED].min() - q.t0) * 1e-9 for p in q.parts if (p.flag == Verdict.USED).any()]
+    if not times:
+        return None
+    return float(min(times)), np.zeros(3), np.full(3, 1e-6), "no absolute position: the start is the origin"
+
+
+def level_by_gravity(f: Filter, q: Queue, t_start: float, x: Floats, sd: Floats) -> str:
+    """Roll and pitch from the mean specific force after t_start, gyro bias too if the robot is at rest. In place."""
+    if "attitude" not in f.layout:
+        return "planar: no levelling"
+    rows = inertial_window(f, q, t_start)
+    a = f.layout.error("attitude")
+    if rows is None:
+        sd[a] = 0.3
+        return "no inertial records to level by: level within 17 degrees"
+    gyro, accel = rows
+    mean = accel.mean(axis=0)
+    still = bool(
+        gyro.std(axis=0).max() < 0.02 and accel.std(axis=0).max() < 0.5 and abs(np.linalg.norm(mean) - 9.81) < 0.5
+    )
+    roll, pitch = np.arctan2(mean[1], mean[2]), np.arctan2(-mean[0], np.hypot(mean[1], mean[2]))
+    q0 = np.zeros(4)
+    quat_from_rpy(float(roll), float(pitch), 0.0, q0)
+    x[f.layout.state("attitude")] = q0
+    sd[a] = 0.03 if still else 0.2
+    if still and "gyro_bias" in f.layout:
+        x[f.layout.state("gyro_bias")] = gyro.mean(axis=0)
+        sd[f.layout.error("gyro_bias")] = 0.003
+    return "levelled by gravity at rest" if still else "levelled by gravity in motion"
+
+
+def inertial_window(f: Filter, q: Queue, t_start: float) -> tuple[Floats, Floats] | None:
+    """Body-axis gyro and accelerometer records of the first second."""
+    for channel, part in zip(f.channels, q.parts, strict=True):
+        t = (part.t - q.t0) * 1e-9
+        rows = (part.flag <= Verdict.WITHHELD) & (t >= t_start) & (t <= t_start + WINDOW)
+        if not rows.any():
+            rows = part.flag <= Verdict.WITHHELD
+            rows[np.flatnonzero(rows)[10:]] = False
+        if rows.any() and channel.sensor is None:
+            return part.z[rows, :3], part.z[rows, 3:6]
+        if rows.any() and channel.sensor is Sensor.SPECIFIC_FORCE:
+            return np.zeros((int(rows.sum()), 3)), part.z[rows, :3]
+    return None
+
+
+def heading_row(f: Filter) -> int:
+    """Error row of the heading (of an attitude: about the body's vertical axis, right for a level start)."""
+    return f.layout.error("heading").start if "heading" in f.layout else f.layout.error("attitude").start + 2
+
+
+def turn(f: Filter, x: Floats, yaw: float) -> None:
+    """Give a levelled state the heading `yaw`. In place."""
+    if "heading" in f.layout:
+        x[f.layout.state("heading")] = yaw
+        return
+    s = f.layout.state("attitude")
+    ax, ay, az, aw = x[s]
+    c, n = np.cos(0.5 * yaw), np.sin(0.5 * yaw)  # Rz(yaw) on the left
+    x[s] = c * ax - n * ay, c * ay + n * ax, c * az + n * aw, c * aw - n * az
+
+
+def find_heading(f: Filter, q: Queue, t_start: float, x: Floats, sd: Floats, local: bool) -> tuple[float, float, str]:
+    """Heading [rad], its standard deviation, and where it comes from."""
+    direct = heading_by_source(f, q, t_start, x)
+    if local:
+        if direct is not None:
+            return direct
+        return 0.0, 1e-3, "no absolute heading: the start looks along x by definition"
+    banked = heading_by_bank(f, q, t_start, x, sd)
+    if direct is None:
+        return banked if banked is not None else (0.0, UNKNOWN_HEADING, "heading not observable from this data yet")
+    if banked is None:
+        return direct
+    apart = abs((direct[0] - banked[0] + np.pi) % (2 * np.pi) - np.pi)
+    return direct if apart < 3 * (direct[1] + banked[1]) else banked
+
+
+def heading_by_source(f: Filter, q: Queue, t_start: float, x: Floats) -> tuple[float, float, str] | None:
+    """From the first records of a fused heading source, by its innovation against a heading of zero."""
+    ws = one.scratch(f.layout.size, f.layout.error_size)
+    s = one.state(x, np.eye(f.layout.error_size), t_start, len(f.channels))
+    for c, (channel, part) in enumerate(zip(f.channels, q.parts, strict=True)):
+        if channel.sensor not in HEADINGS or channel.scored or channel.sensor is Sensor.MAG_VECTOR:
+            continue
+        t = (part.t - q.t0) * 1e-9
+        rows = np.flatnonzero((part.flag == Verdict.USED) & (t >= t_start - 1.0))[:10]
+        row = {Sensor.ATTITUDE: 2, Sensor.POSE: 5}.get(channel.sensor, 0)
+        if row and "heading" in f.layout:
+            row = 0 if channel.sensor is Sensor.ATTITUDE else 2
+        yaws: list[float] = []
+        for i in rows:
+            if one.measure(f.model(), f.sources(), s, c, part.z[i], part.r[i], ws) > row:
+                yaws.append(float(ws.y[row]))
+        if yaws:
+            yaw = float(np.angle(np.exp(1j * np.array(yaws)).mean()))
+            return yaw, max(2.0 * float(np.sqrt(ws.r[row])), 0.05), f"heading from {channel.name}"
+    return None
+
+
+def heading_by_bank(f: Filter, q: Queue, t_start: float, x: Floats, sd: Floats) -> tuple[float, float, str] | None:
+    """From the likelihood of the innovations under headings all round; None while nothing decides."""
+    blind = without_headings(f)
+    times = [(p.t - q.t0) * 1e-9 for p in q.parts]
+    end = max((float(t[-1]) for t in times if t.size), default=t_start)
+    step = 2 * np.pi / HYPOTHESES
+    yaws = np.arange(HYPOTHESES) * step
+    for prefix in PREFIXES:
+        scores = np.array([likelihood(blind, q, t_start, x, sd, y, SPREAD, prefix) for y in yaws])
+        best = int(np.argmax(scores))
+        away = np.abs((yaws - yaws[best] + np.pi) % (2 * np.pi) - np.pi) > ELSEWHERE
+        if scores[best] - scores[away].max() > DECISIVE:
+            fine = yaws[best] + np.linspace(-step, step, FINE)
+            second = np.array([likelihood(blind, q, t_start, x, sd, y, FINE_SPREAD, prefix) for y in fine])
+            yaw = float(fine[int(np.argmax(second))])
+            return yaw, 1.5 * FINE_SPREAD, f"heading from motion against position in the first {prefix:.0f} s"
+        if t_start + prefix > end:
+            break
+    return None
+
+
+def without_headings(f: Filter) -> Filter:
+    """The same filter with heading sources only scored and no gates: every record votes."""
+    blind: list[Channel] = []
+    for c in f.channels:
+        mute = c.sensor in HEADINGS and c.sensor not in (Sensor.POSE,)
+        blind.append(replace(c, role="scored" if mute else c.role, probability=1.0, reset=(0, 0)))
+    return replace(f, channels=tuple(blind))
+
+
+def likelihood(
+    f: Filter, q: Queue, t_start: float, x: Floats, sd: Floats, yaw: float, spread: float, prefix: float
+) -> float:
+    """Log-likelihood (to a constant) of the first `prefix` seconds if the heading at t_start is `yaw`."""
+    x, sd = x.copy(), sd.copy()
+    turn(f, x, yaw)
+    sd[heading_row(f)] = spread
+    mute = np.array([c.sensor in HEADINGS and c.sensor is not Sensor.POSE for c in f.channels])
+    total = 0.0
+
+    def vote(_: int, ev: Events, out: Floats, __: Track) -> None:
+        nonlocal total
+        fused = (out[:, OUT_DOF] > 0) & ~mute[ev.src]
+        nis = np.minimum(out[fused, OUT_NIS], CLIP * out[fused, OUT_DOF])
+        log_det = 2.0 * np.nansum(np.log(out[fused, OUT_S : OUT_S + ROWS]), axis=1)
+        total -= 0.5 * float(np.sum(nis + log_det))
+
+    run_batch(f, Gaussian(x, np.diag(sd**2), f.layout), t_start, window(q, t_start, prefix, mute), vote, period=1e9)
+    return total
+
+
+def window(q: Queue, t_start: float, prefix: float, mute: np.ndarray) -> Queue:
+    """The events of the first `prefix` seconds after t_start, without muted channels."""
+    first, last = q.t0 + int(t_start * 1e9), q.t0 + int((t_start + prefix) * 1e9)
+    t = np.zeros(len(q), np.int64)
+    for c, part in enumerate(q.parts):
+        here = q.src == c
+        t[here] = part.t[q.index[here]]
+    keep = (t >= first) & (t <= last) & ~mute[q.src]
+    return Queue(q.src[keep], q.index[keep], q.late[keep], q.parts, q.t0)
+
+
+__all__ = ["ABSOLUTE", "HEADINGS", "Alignment", "Motion", "align"]

@@ -1,0 +1,326 @@
+"""The engine: events in time order through `step`, by two drivers that share it.
+
+`run_batch` takes a whole log through a compiled loop, in pieces, so that its memory does not grow with the log.
+`OnlineFilter` takes one event at a time in any order of arrival: an event from the past is put in its place by going
+back to the snapshot before it and replaying. Both end in the same bits.
+"""
+
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Final, NamedTuple, final
+
+import numpy as np
+
+from outrider._kernel import kernel
+from outrider.core.linalg import copy
+from outrider.data import Gaussian, StateLayout, Verdict
+from outrider.errors import ConfigError
+from outrider.filters import step as one
+from outrider.filters.channels import Channel, Records
+from outrider.filters.health import gates
+from outrider.filters.step import C_NOW, OUT_SIZE, ROWS, Model, Scratch, Sources, State, step
+from outrider.models.kinematics import K_P, K_V, T_P, T_TH, T_V
+from outrider.models.motion import LAYOUTS, Motion, kinematic_view
+from outrider.models.sensors.layout import THETA_SIZE
+from outrider.typing import Floats, Ints
+
+PIECE: Final = 65_536  # events per call of the compiled loop
+POSE_SIZE: Final = 9  # position, velocity, attitude rows of the pose covariance
+_LATE: Final = int(Verdict.LATE)
+
+# Limits that every process model shares, see `Model.limits`.
+LONGEST_STEP: Final = 0.1  # s
+INPUT_HOLD: Final = 0.5  # s an inertial record is believed to go on
+RESET_TIME: Final = 3.0  # s of steady disagreement before a reset is considered
+RESET_RECORDS: Final = 5
+TOP_SPEED: Final = 40.0  # m/s
+RESET_MARGIN: Final = 50.0  # m
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Filter:
+    """A process model with its parameters and channels: everything but the belief and the data."""
+
+    motion: Motion
+    theta: Floats
+    coasting: Floats
+    channels: tuple[Channel, ...]
+    consider: tuple[str, ...] = ()
+    history: float = 2.0  # s that an event may be late and still be put in its place
+
+    @property
+    def layout(self) -> StateLayout:
+        """Names of the states."""
+        return LAYOUTS[self.motion]
+
+    def model(self) -> Model:
+        """For the kernels."""
+        keep = np.ones(self.layout.error_size)
+        for name in self.consider:
+            keep[self.layout.error(name)] = 0.0
+        limits = np.array([LONGEST_STEP, INPUT_HOLD, RESET_TIME, RESET_RECORDS, TOP_SPEED, RESET_MARGIN])
+        return Model(int(self.motion), self.theta, self.coasting, self.layout.table, limits, keep)
+
+    def sources(self) -> Sources:
+        """For the kernels, one row per channel."""
+        if not self.channels:
+            raise ConfigError("no channel to fuse", fix="check which sources the log has and which are switched off")
+        return Sources(
+            code=np.array([c.code for c in self.channels], np.int64),
+            theta=np.array([c.theta for c in self.channels]).reshape(-1, THETA_SIZE),
+            gate=np.array([gates(c.probability, ROWS) for c in self.channels]),
+            reset=np.array([c.reset for c in self.channels], np.int64).reshape(-1, 2),
+        )
+
+
+class Events(NamedTuple):
+    """Events in time order: t (n,) s, src (n,) channel, z, r (n, ROWS), flag (n,) verdict so far."""
+
+    t: Floats
+    src: Ints
+    z: Floats
+    r: Floats
+    flag: Ints
+
+
+class Track(NamedTuple):
+    """Estimates of one piece: t (n,) s, x (n, size), sd (n, errors), P (n, 9, 9) of position, velocity, attitude, k."""
+
+    t: Floats
+    x: Floats
+    sd: Floats
+    P: Floats
+    age: Floats  # (n, errors) s since each row was last observed
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Queue:
+    """The order of events over all channels: src (n,), index (n,) into that channel's records, late (n,)."""
+
+    src: Ints
+    index: Ints
+    late: Ints
+    parts: tuple[Records, ...]
+    t0: int
+
+    def __len__(self) -> int:
+        return int(self.src.size)
+
+    def events(self, first: int, last: int) -> Events:
+        """Events first..last as arrays."""
+        src, index = self.src[first:last], self.index[first:last]
+        t, flag = np.zeros(src.size), np.zeros(src.size, np.int64)
+        z, r = np.zeros((src.size, ROWS)), np.zeros((src.size, ROWS))
+        for c, part in enumerate(self.parts):
+            here = src == c
+            rows = index[here]
+            t[here] = (part.t[rows] - self.t0) * 1e-9
+            z[here], r[here], flag[here] = part.z[rows], part.r[rows], part.flag[rows]
+        late = self.late[first:last] > 0
+        flag[late & ((flag == Verdict.USED) | (flag == Verdict.WITHHELD))] = _LATE
+        return Events(t, src, z, r, flag)
+
+
+def queue(parts: Sequence[Records], t0: int, history: float) -> Queue:
+    """Put the records of all channels in time order; those that arrive after their history is gone are late.
+
+    Ties are broken by channel, then by the order within the stream, never by arrival: any arrival order inside the
+    history gives the same events.
+    """
+    src = np.concatenate([np.full(p.t.size, c, np.int64) for c, p in enumerate(parts)])
+    index = np.concatenate([np.arange(p.t.size, dtype=np.int64) for p in parts])
+    t = np.concatenate([p.t for p in parts])
+    arrival = np.concatenate([p.t_arrival for p in parts])
+    usable = np.concatenate([p.flag for p in parts]) <= int(Verdict.WITHHELD)
+    by_arrival = np.lexsort((index, src, t, arrival))
+    newest = np.maximum.accumulate(np.where(usable[by_arrival], t[by_arrival], np.iinfo(np.int64).min // 2))
+    late = np.zeros(t.size, np.int64)
+    late[by_arrival] = t[by_arrival] < newest - int(history * 1e9)
+    order = np.lexsort((index, src, t))
+    return Queue(src[order], index[order], late[order], tuple(parts), t0)
+
+
+@kernel
+def run_events(
+    model: Model,
+    sources: Sources,
+    s: State,
+    ev: Events,
+    ws: Scratch,
+    out: Floats,
+    period: float,
+    due: Floats,
+    track: Track,
+) -> int:
+    """Process events in order; write a row of `track` whenever an output is due. Returns the rows written.
+
+    An output is due when all events of one instant are done and the last output is `period` old.
+    """
+    rows, n = 0, ev.t.size
+    for i in range(n):
+        step(model, sources, s, ev.t[i], ev.src[i], ev.z[i], ev.r[i], ev.flag[i], ws, out[i])
+        now = s.clock[C_NOW]
+        if now >= due[0] and (i + 1 == n or ev.t[i + 1] > now):
+            due[0] = max(due[0] + period, now + 0.5 * period)
+            write(model, s, ws, track, rows)
+            rows += 1
+    return rows
+
+
+@kernel
+def write(model: Model, s: State, ws: Scratch, track: Track, row: int) -> None:
+    """Copy the estimate into a row of `track`."""
+    n = s.P.shape[0]
+    track.t[row] = s.clock[C_NOW]
+    copy(s.x, track.x[row])
+    for i in range(n):
+        track.sd[row, i] = np.sqrt(max(s.P[i, i], 0.0))
+        track.age[row, i] = s.clock[C_NOW] - s.age[i]
+    kinematic_view(model.code, s.x, s.u, model.theta, ws.k, ws.K)
+    # J P J' with J the rows of position, velocity and attitude in the kinematic view
+    for a in range(9):
+        ra = (T_P if a < 3 else (T_V - 3 if a < 6 else T_TH - 6)) + a
+        for j in range(n):
+            total = 0.0
+            for i in range(n):
+                jac = ws.K[ra, i]
+                if jac != 0.0:
+                    total += jac * s.P[i, j]
+            ws.w.dx[j] = total
+        for b in range(9):
+            rb = (T_P if b < 3 else (T_V - 3 if b < 6 else T_TH - 6)) + b
+            total = 0.0
+            for j in range(n):
+                total += ws.w.dx[j] * ws.K[rb, j]
+            track.P[row, a, b] = total
+
+
+def new_track(rows: int, layout: StateLayout) -> Track:
+    """An empty track for at most `rows` estimates."""
+    n = layout.error_size
+    return Track(
+        np.zeros(rows), np.zeros((rows, layout.size)), np.zeros((rows, n)), np.zeros((rows, 9, 9)), np.zeros((rows, n))
+    )
+
+
+Sink = Callable[[int, Events, Floats, Track], None]
+
+
+def run_batch(
+    f: Filter,
+    prior: Gaussian,
+    t_start: float,
+    q: Queue,
+    sink: Sink,
+    *,
+    period: float = 0.02,
+    last: int | None = None,
+    piece: int = PIECE,
+) -> State:
+    """Take a queue of events through the filter, piece by piece; returns the final state.
+
+    sink : called per piece with (index of its first event, events, their outcomes (n, OUT_SIZE), estimates)
+    """
+    model, sources = f.model(), f.sources()
+    s = one.state(prior.x, prior.P, t_start, len(f.channels))
+    ws = one.scratch(f.layout.size, f.layout.error_size)
+    due = np.array([t_start])
+    stop = len(q) if last is None else min(last, len(q))
+    for first in range(0, stop, piece):
+        ev = q.events(first, min(first + piece, stop))
+        out = np.zeros((ev.t.size, OUT_SIZE))
+        track = new_track(ev.t.size, f.layout)
+        rows = run_events(model, sources, s, ev, ws, out, period, due, track)
+        sink(first, ev, out, Track(*(a[:rows] for a in track)))
+    return s
+
+
+@final
+@dataclass(slots=True)
+class _Past:
+    """One processed event and the state after it."""
+
+    key: tuple[float, int, int]
+    z: Floats
+    r: Floats
+    flag: int
+    after: State
+    out: Floats
+
+
+@final
+class OnlineFilter:
+    """The filter for live data: events one at a time, late ones put in their place while their history is kept."""
+
+    def __init__(self, f: Filter, prior: Gaussian, t_start: float) -> None:
+        self.filter = f
+        self._model, self._sources = f.model(), f.sources()
+        self._ws = one.scratch(f.layout.size, f.layout.error_size)
+        self.state = one.state(prior.x, prior.P, t_start, len(f.channels))
+        self._base = one.snapshot(self.state)
+        self._past: list[_Past] = []
+        self._newest = t_start
+        self.late = 0
+        self.rewinds = 0
+
+    def process(self, t: float, src: int, z: Floats, r: Floats, *, flag: int = 0, order: int = 0) -> Floats:
+        """Process one event; returns its outcome (OUT_SIZE,), see `filters.step`.
+
+        t : s;  src : channel;  z, r : (ROWS,) record and variances;  order : the record's number within its stream,
+        which breaks ties between equal stamps.
+        """
+        if flag <= int(Verdict.WITHHELD):
+            if t < self._newest - self.filter.history:
+                self.late += 1
+                flag = _LATE
+            self._newest = max(self._newest, t)
+        event = _Past((t, src, order), z, r, flag, self.state, np.zeros(OUT_SIZE))
+        at = bisect_right(self._past, event.key, key=lambda p: p.key)
+        if flag > int(Verdict.WITHHELD) or at == len(self._past):
+            self._apply(event)
+            if flag <= int(Verdict.WITHHELD):
+                self._past.append(event)
+        else:
+            self.rewinds += 1
+            one.restore(self.state, self._past[at - 1].after if at else self._base)
+            self._past.insert(at, event)
+            for p in self._past[at:]:
+                self._apply(p)
+        self._forget()
+        return event.out
+
+    def correct(self, y: Floats, H: Floats, R: Floats) -> float:
+        """Fuse a measurement of the user's own making now; returns its NIS. Not replayed when the past changes."""
+        from outrider.filters.ekf import update
+
+        done = update(self.belief, y, H, R)
+        self.state.x[:] = done.belief.x
+        self.state.P[:] = done.belief.P
+        return done.nis
+
+    @property
+    def belief(self) -> Gaussian:
+        """The estimate at the time of the newest event."""
+        return Gaussian(self.state.x.copy(), self.state.P.copy(), self.filter.layout)
+
+    @property
+    def time(self) -> float:
+        """Time of the estimate [s]."""
+        return float(self.state.clock[C_NOW])
+
+    def _apply(self, p: _Past) -> None:
+        step(self._model, self._sources, self.state, *p.key[:2], p.z, p.r, p.flag, self._ws, p.out)
+        p.after = one.snapshot(self.state)
+
+    def _forget(self) -> None:
+        horizon = self._newest - self.filter.history
+        drop = bisect_right(self._past, horizon, key=lambda p: p.key[0])
+        if drop:
+            self._base = self._past[drop - 1].after
+            del self._past[:drop]
+
+
+__all__ = ["K_P", "K_V", "Events", "Filter", "OnlineFilter", "Queue", "Track", "new_track", "queue", "run_batch"]

@@ -1,0 +1,131 @@
+"""Screening: what can be refused before any filter sees it, each with its reason.
+
+Works on whole streams and, through `Memory`, on pieces of them with the same result.
+"""
+
+from dataclasses import dataclass, field
+from typing import Final, final
+
+import numpy as np
+
+from outrider.data import Fix, Kind, Stream, Verdict
+from outrider.typing import Bools, Floats, Ints
+
+# Largest magnitude per column that a working sensor of this kind can report.
+LIMITS: Final = {
+    Kind.IMU: (60.0, 60.0, 60.0, 500.0, 500.0, 500.0),
+    Kind.GNSS_VELOCITY: (300.0, 300.0, 100.0),
+    Kind.TWIST: (100.0, 100.0, 100.0, 60.0, 60.0, 60.0),
+    Kind.WHEELS: (100.0,),
+    Kind.ACKERMANN: (100.0, 1.5),
+    Kind.BODY_VELOCITY: (300.0, 300.0, 300.0),
+    Kind.FLOW: (60.0, 60.0),
+    Kind.RANGE_FINDER: (1e4,),
+    Kind.BARO: (3e4,),
+    Kind.POSITION: (1e7, 1e7, 1e5),
+    Kind.POSE: (1e7, 1e7, 1e5, 2.0, 2.0, 2.0, 2.0),
+    Kind.RANGE: (np.inf, 1e5),
+    Kind.RANGE_BEARING: (np.inf, 1e5, 10.0),
+    Kind.ATTITUDE: (2.0, 2.0, 2.0, 2.0),
+}
+# Kinds whose noise never repeats: the same bits for this long mean a frozen driver [s].
+FROZEN_AFTER: Final = {Kind.IMU: 0.5, Kind.MAG: 5.0, Kind.ATTITUDE: 2.0, Kind.GNSS: 10.0}
+FROZEN_RECORDS: Final = 5
+STALE_AFTER: Final = 5.0  # s between a fix and its arrival, beyond the stream's usual latency
+ABSURD_VARIANCE: Final = 1e30
+EARLIEST: Final = 1  # ns: a stamp of zero is no stamp
+CLOCK_JUMP: Final = 600.0  # s between a stamp and its arrival, beyond the stream's usual offset
+
+
+@final
+@dataclass(slots=True)
+class Memory:
+    """What screening remembers of a stream between pieces."""
+
+    z: Floats = field(default_factory=lambda: np.zeros(0))
+    t: int = 0
+    since: int = 0  # when the present value was first seen
+    count: int = 0  # how many records have had it
+    offset: float = float("nan")  # ns, usual arrival - stamp
+
+
+def screen(s: Stream, memory: Memory | None = None) -> Ints:
+    """(n,) a `Verdict` per record: USED for those that pass."""
+    m = memory if memory is not None else Memory()
+    n = len(s)
+    verdict = np.full(n, int(Verdict.USED), np.int64)
+    if n == 0:
+        return verdict
+
+    def refuse(rows: Bools, reason: Verdict) -> None:
+        verdict[rows & (verdict == Verdict.USED)] = int(reason)
+
+    refuse(bad_stamps(s, m), Verdict.BAD_STAMP)
+    refuse(~np.isfinite(s.z).any(axis=1), Verdict.NOT_FINITE)
+    refuse(np.isinf(s.z).any(axis=1), Verdict.NOT_FINITE)
+    if s.kind is Kind.GNSS:
+        screen_fixes(s, refuse)
+    if s.kind in LIMITS:
+        limits = np.array(LIMITS[s.kind])
+        refuse((np.abs(s.z) > (limits if limits.size == s.z.shape[1] else limits[0])).any(axis=1), Verdict.IMPLAUSIBLE)
+    if s.kind in (Kind.RANGE, Kind.RANGE_BEARING):
+        refuse(s.z[:, 1] <= 0.0, Verdict.IMPLAUSIBLE)
+    if s.kind is Kind.RANGE_FINDER:
+        refuse(s.z[:, 0] <= 0.0, Verdict.IMPLAUSIBLE)
+    if s.kind in (Kind.ATTITUDE, Kind.POSE):
+        norm = np.linalg.norm(s.z[:, -4:], axis=1)
+        refuse(~(np.abs(norm - 1.0) < 0.1), Verdict.IMPLAUSIBLE)
+    refuse(((s.var < 0.0) | (s.var > ABSURD_VARIANCE)).any(axis=1), Verdict.BAD_COVARIANCE)
+    if "valid" in s.extra:
+        refuse(s.extra["valid"] == 0.0, Verdict.DECLARED_INVALID)
+    repeats(s, m, refuse)
+    return verdict
+
+
+def bad_stamps(s: Stream, m: Memory) -> Bools:
+    """Stamps of zero, before zero, or far off the stream's usual offset from the recorder's clock."""
+    bad = s.t < EARLIEST
+    good = ~bad
+    if good.any():
+        lag = (s.t_arrival - s.t).astype(np.float64)
+        if not np.isfinite(m.offset):
+            m.offset = float(np.median(lag[good]))
+        bad |= np.abs(lag - m.offset) > CLOCK_JUMP * 1e9
+    return bad
+
+
+def screen_fixes(s: Stream, refuse) -> None:  # type: ignore[no-untyped-def]
+    """GNSS only: no fix, too few satellites, null or impossible positions, stale fixes."""
+    lat, lon, alt = s.z.T
+    if "fix" in s.extra:
+        refuse(s.extra["fix"] == Fix.NONE.value, Verdict.NO_FIX)
+    if "satellites" in s.extra:
+        few = s.extra["satellites"]
+        refuse((few >= 0) & (few < 4), Verdict.FEW_SATELLITES)
+    refuse(np.isnan(lat) | np.isnan(lon), Verdict.NOT_FINITE)
+    refuse((np.abs(lat) < 1e-7) & (np.abs(lon) < 1e-7), Verdict.NULL_POSITION)
+    refuse((np.abs(lat) > np.pi / 2) | (np.abs(lon) > 2 * np.pi) | (np.abs(alt) > 1e5), Verdict.IMPLAUSIBLE)
+    lag = (s.t_arrival - s.t) * 1e-9
+    usual = float(np.median(lag))
+    refuse(lag - usual > STALE_AFTER, Verdict.STALE)
+
+
+def repeats(s: Stream, m: Memory, refuse) -> None:  # type: ignore[no-untyped-def]
+    """Records that repeat the one before: duplicates (same stamp) and frozen values (stamps go on)."""
+    n = len(s)
+    has_before = m.z.size == s.z.shape[1]
+    z = np.vstack([m.z[None] if has_before else np.full((1, s.z.shape[1]), np.inf), s.z])
+    t = np.concatenate([[m.t], s.t])
+    same = ((z[1:] == z[:-1]) | (np.isnan(z[1:]) & np.isnan(z[:-1]))).all(axis=1)
+    refuse(same & (t[1:] == t[:-1]), Verdict.DUPLICATE)
+    # since[i], count[i]: first stamp and number of records of the run of equal values that record i stands in
+    start = np.flatnonzero(~same)
+    run = np.searchsorted(start, np.arange(n), side="right") - 1
+    inside = run >= 0
+    first = np.where(inside, start[np.maximum(run, 0)] if start.size else 0, 0)
+    since = np.where(inside, s.t[first], m.since if has_before else s.t[0])
+    count = np.where(inside, np.arange(n) - first, np.arange(n) + m.count) + 1
+    if s.kind in FROZEN_AFTER:
+        refuse((s.t - since > FROZEN_AFTER[s.kind] * 1e9) & (count > FROZEN_RECORDS), Verdict.FROZEN)
+    m.z, m.t = s.z[-1].copy(), int(s.t[-1])
+    m.since, m.count = int(since[-1]), int(count[-1])

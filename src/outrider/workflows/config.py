@@ -1,0 +1,109 @@
+"""Configuration of `outrider fuse`: nested, typed, checked on load, saved with every run.
+
+Everything has a default; a short file says only what the log itself cannot tell (mounts, lever arms, beacons).
+"""
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+Vector = tuple[float, float, float]
+Positive = Annotated[float, Field(gt=0)]
+
+
+class Section(BaseModel):
+    """A part of the configuration: unknown keys are errors, values are frozen."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class MountSection(Section):
+    """Where a sensor frame sits on the body."""
+
+    xyz_m: Vector = (0.0, 0.0, 0.0)
+    """Forward, left, up of the body origin."""
+    rpy_deg: Vector = (0.0, 0.0, 0.0)
+    """Roll, pitch, yaw of the sensor frame in the body frame: R_body_sensor = Rz Ry Rx."""
+
+
+class DatumSection(Section):
+    """Origin of the site frame. Without it the first good fix is the origin."""
+
+    lat_deg: Annotated[float, Field(ge=-90, le=90)]
+    lon_deg: Annotated[float, Field(ge=-180, le=360)]
+    alt_m: float = 0.0
+
+
+class SourceSection(Section):
+    """How one source is used. `fuse`: into the estimate; `score`: compared, never fused; `ignore`: not read."""
+
+    use: Literal["auto", "fuse", "score", "ignore"] = "auto"
+    sigma: Positive | tuple[Positive, ...] | None = None
+    """Standard deviation per row of the measurement (SI), instead of what the log states and of our defaults."""
+    scale: Positive = 1.0
+    """Multiplies every standard deviation of this source."""
+    gate: Annotated[float, Field(gt=0.5, le=1.0)] = 0.999
+    """Probability of the chi-square gate; 1 switches it off."""
+    mount: MountSection | None = None
+    """Instead of the mount of the source's frame."""
+    delay_s: float = 0.0
+    """How much older the measurement is than its stamp."""
+    track_m: Positive | None = None
+    """Distance between left and right wheels (WHEELS)."""
+    wheel_base_m: Positive | None = None
+    """Distance between axles (ACKERMANN)."""
+    mecanum_xy_m: tuple[float, float] | None = None
+    """Half length and half width of a mecanum base (WHEELS with four columns)."""
+
+
+class BeaconSection(Section):
+    """A range beacon in the site frame."""
+
+    id: float
+    xyz_m: Vector
+
+
+class PlanarSection(Section):
+    """Overrides of `PlanarRobot`, by its field names."""
+
+    acceleration: Positive | None = None
+    lateral: Positive | None = None
+    lateral_time: Positive | None = None
+    yaw_acceleration: Positive | None = None
+    heading_walk: float | None = None
+    position_walk: float | None = None
+
+
+class FuseConfig(Section):
+    """Everything `outrider fuse` can be told."""
+
+    preset: Literal["default", "amr2025", "robot_localization"] = "default"
+    """`amr2025`: the paper's own choice (RTK x, y; odometry v_x, v_y; IMU yaw, v_x, v_y). `robot_localization`: its
+    upstream profile for a base with an IMU (attitude and yaw of the IMU trusted)."""
+    robot: str = "robot"
+    motion: Literal["auto", "planar", "strapdown", "omnidirectional", "follower"] = "auto"
+    datum: DatumSection | None = None
+    mounts: dict[str, MountSection] = {}
+    """By frame name as the log gives it."""
+    sources: dict[str, SourceSection] = {}
+    """By source name as `outrider fuse` lists them; `*` is not a wildcard."""
+    beacons: tuple[BeaconSection, ...] = ()
+    planar: PlanarSection = PlanarSection()
+    output_period_s: Positive = 0.05
+    history_s: Positive = 2.0
+    """How late a record may arrive and still be put in its place."""
+    local: bool = True
+    """Also estimate the smooth odom frame from wheels and IMU alone."""
+    withhold: dict[str, Annotated[int, Field(ge=2)]] = {}
+    """By source: fuse only every n-th record and score the others, e.g. {/fix: 5}."""
+    outages_s: dict[str, tuple[tuple[float, float], ...]] = {}
+    """By source: windows (start, end) in seconds from the log's first event that are withheld and scored."""
+    seed: int = 1
+
+    @model_validator(mode="after")
+    def _windows_run_forward(self) -> "FuseConfig":
+        for name, windows in self.outages_s.items():
+            for start, end in windows:
+                if end <= start:
+                    raise ValueError(f"outages_s of {name}: ({start}, {end}) ends before it starts")
+        return self
