@@ -40,9 +40,10 @@ def test_the_same_seed_gives_the_same_bits():
 
 def test_normals_are_numpys_own_stream_centred():
     out = np.zeros((50, 3))
-    enkf.standard_normals(np.random.default_rng(9), out)
-    plain = np.random.default_rng(9).standard_normal((3, 50)).T
-    np.testing.assert_allclose(out, plain - plain.mean(axis=0), atol=1e-15)
+    L = np.array([[2.0, 0, 0], [-1.0, 0.5, 0], [0.3, 0, 1.0]])
+    enkf.draw(np.random.default_rng(9), L, np.zeros(3), out)
+    plain = np.random.default_rng(9).standard_normal((50, 3))
+    np.testing.assert_allclose(out, (plain - plain.mean(axis=0)) @ L.T, atol=1e-14)
 
 
 @pytest.mark.parametrize("layout", [VECTOR, CURVED])

@@ -12,9 +12,11 @@ import numpy as np
 from numpy.random import Generator
 
 from outrider._kernel import kernel
-from outrider.core.manifold import retract
+from outrider.core.angles import wrap
+from outrider.core.linalg import cholesky, solve_lower, solve_lower_rows, solve_upper_rows
+from outrider.core.manifold import rotate_right
 from outrider.data.belief import Ensemble, Gaussian
-from outrider.errors import ConfigError
+from outrider.errors import ConfigError, DataError
 from outrider.filters.ekf import kept
 from outrider.filters.ukf import tangent_mean
 from outrider.typing import Floats, Ints
@@ -23,36 +25,71 @@ from outrider.typing import Floats, Ints
 
 
 @kernel
-def standard_normals(rng: Generator, out: Floats) -> None:
-    """out (N, k) <- independent normals with mean 0 and variance 1, their sample mean taken off.
+def draw(rng: Generator, L: Floats, mean: Floats, out: Floats) -> None:
+    """out (N, k) <- normals with covariance L L', L lower triangular, their sample mean (k,) taken off.
 
     Centring keeps the ensemble mean free of the noise drawn; divided by N - 1 the sample covariance stays unbiased.
     """
     members, k = out.shape
-    for j in range(k):
-        total = 0.0
-        for i in range(members):
+    for i in range(members):
+        for j in range(k):
             out[i, j] = rng.standard_normal()
-            total += out[i, j]
-        total /= members
+    centre(out, mean)
+    for j in range(k - 1, -1, -1):  # from the last row of L up, so that those above it are still needed and there
         for i in range(members):
-            out[i, j] -= total
+            out[i, j] *= L[j, j]
+        for l in range(j):
+            c = L[j, l]
+            if c != 0.0:
+                for i in range(members):
+                    out[i, j] += c * out[i, l]
 
 
 @kernel
-def retract_all(X: Floats, x: Floats, E: Floats, table: Ints) -> None:
-    """X[i] <- x [+] E[i]."""
-    for i in range(X.shape[0]):
-        for j in range(x.size):
-            X[i, j] = x[j]
-        retract(X[i], E[i], table)
+def centre(Y: Floats, y: Floats) -> None:
+    """y <- the mean of the rows of Y, Y <- Y - y."""
+    members, k = Y.shape
+    y[:] = 0.0
+    for i in range(members):
+        for j in range(k):
+            y[j] += Y[i, j]
+    for j in range(k):
+        y[j] /= members
+    for i in range(members):
+        for j in range(k):
+            Y[i, j] -= y[j]
 
 
 @kernel
 def perturb(X: Floats, E: Floats, table: Ints) -> None:
-    """X[i] <- X[i] [+] E[i]."""
-    for i in range(X.shape[0]):
-        retract(X[i], E[i], table)
+    """X[i] <- X[i] [+] E[i] for all members, block by block: `retract` with the loops changed round."""
+    for b in range(table.shape[0]):
+        code, i0, k0, size = table[b, 0], table[b, 1], table[b, 2], table[b, 3]
+        for i in range(X.shape[0]):
+            if code == 0:
+                for j in range(size):
+                    X[i, i0 + j] += E[i, k0 + j]
+            elif code == 1:
+                X[i, i0] = wrap(X[i, i0] + E[i, k0])
+            else:
+                rotate_right(X[i], i0, E[i, k0], E[i, k0 + 1], E[i, k0 + 2])
+
+
+@kernel
+def gain(S: Floats, C: Floats, y: Floats, L: Floats, v: Floats) -> float:
+    """C <- S^-1 C, the gain transposed, from C (m, n) the covariance of h with the state; returns the NIS, or NaN."""
+    m = y.size
+    if not cholesky(S, m, L):
+        return np.nan
+    nis = 0.0
+    for k in range(m):
+        v[k] = y[k]
+    solve_lower(L, m, v)
+    for k in range(m):
+        nis += v[k] * v[k]
+    solve_lower_rows(L, m, C)
+    solve_upper_rows(L, m, C)
+    return nis
 
 
 # ------------------------------------------------------------------------------------------------ pure steps
@@ -73,17 +110,15 @@ def sample(belief: Gaussian, members: int, rng: Generator) -> Ensemble:
     if members < 2:
         raise ConfigError(f"an ensemble of {members}", fix="two members at least; dozens for a useful covariance")
     X = np.zeros((members, belief.x.size))
-    retract_all(X, belief.x, _noise(belief.P, members, rng), belief.layout.table)
+    X[:] = belief.x
+    perturb(X, _noise(belief.P, members, rng), belief.layout.table)
     return Ensemble(X, belief.layout)
 
 
 def moments(belief: Ensemble) -> tuple[Gaussian, Floats]:
     """The ensemble's Gaussian, and the members' tangent vectors E (N, n) at its mean."""
-    X, layout = belief.X, belief.layout
-    members, n = X.shape[0], layout.error_size
-    x, E = np.zeros(layout.size), np.zeros((members, n))
-    tangent_mean(X, np.full(members, 1.0 / members), layout.table, x, E, np.zeros(n))
-    return Gaussian(x, E.T @ E / (members - 1), layout), E
+    x, E = _tangents(belief)
+    return Gaussian(x, E.T @ E / (E.shape[0] - 1), belief.layout), E
 
 
 def predict(
@@ -108,7 +143,8 @@ def predict(
     if inflation == 1.0:
         return Ensemble(X, belief.layout)
     mean, E = moments(Ensemble(X, belief.layout))
-    retract_all(X, mean.x, inflation * E, table)
+    X[:] = mean.x
+    perturb(X, inflation * E, table)
     return Ensemble(X, belief.layout)
 
 
@@ -129,9 +165,10 @@ def update(
     consider : names of state blocks that the measurement depends on and must not change
     """
     a = _analyse(belief, residual, R)
-    # e <- e + K (y + noise); members' innovations carry the spread of h themselves
-    E = a.E + (a.Y + a.y + _noise(a.R, a.Y.shape[0], rng)) @ (a.K * kept(belief.layout, consider))
-    return _updated(belief, a, E)
+    innovations = _noise(a.R, a.Y.shape[0], rng)
+    innovations += a.Y
+    innovations += a.y
+    return _updated(belief, a, a.E + innovations @ (a.K * kept(belief.layout, consider)))
 
 
 def update_square_root(
@@ -167,33 +204,49 @@ class _Analysis:
     R: Floats
     S: Floats
     K: Floats
+    nis: float
 
 
 def _analyse(belief: Ensemble, residual: Callable[[Floats], Floats], R: Floats) -> _Analysis:
     """C = -E'Y / (N - 1),  S = Y'Y / (N - 1) + R,  K = C S^-1."""
-    mean, E = moments(belief)
-    noise = np.diag(R) if np.ndim(R) == 1 else np.array(R, float)
-    innovations = residual(belief.X)
-    y = innovations.mean(axis=0)
-    Y = innovations - y
-    S = Y.T @ Y / (Y.shape[0] - 1) + noise
-    K = np.linalg.solve(S, -(Y.T @ E) / (Y.shape[0] - 1))
-    return _Analysis(mean.x, E, Y, y, noise, S, K)
+    x, E = _tangents(belief)
+    noise = np.diag(R) if np.ndim(R) == 1 else np.array(R, float, order="C")
+    Y = np.array(residual(belief.X), float, order="C")
+    members, m = Y.shape
+    y = np.zeros(m)
+    centre(Y, y)
+    S = Y.T @ Y / (members - 1) + noise
+    K = Y.T @ E / (1.0 - members)
+    nis = gain(S, K, y, np.zeros((m, m)), np.zeros(m))
+    if not np.isfinite(nis):
+        raise DataError("the innovation covariance is not positive definite", fix="check R and the members for NaN")
+    return _Analysis(x, E, Y, y, noise, S, K, nis)
+
+
+def _tangents(belief: Ensemble) -> tuple[Floats, Floats]:
+    """The mean x of the members, and their tangent vectors E (N, n) there."""
+    X, layout = belief.X, belief.layout
+    members, n = X.shape[0], layout.error_size
+    x, E = np.zeros(layout.size), np.zeros((members, n))
+    tangent_mean(X, np.full(members, 1.0 / members), layout.table, x, E, np.zeros(n))
+    return x, E
 
 
 def _updated(belief: Ensemble, a: _Analysis, E: Floats) -> Updated:
     """The members x [+] E."""
     X = np.zeros_like(belief.X)
-    retract_all(X, a.x, np.ascontiguousarray(E), belief.layout.table)
-    return Updated(Ensemble(X, belief.layout), a.S, float(a.y @ np.linalg.solve(a.S, a.y)))
+    X[:] = a.x
+    perturb(X, E, belief.layout.table)
+    return Updated(Ensemble(X, belief.layout), a.S, a.nis)
 
 
 def _noise(covariance: Floats, members: int, rng: Generator) -> Floats:
     """(members, n) centred normals with a covariance, which may be singular."""
-    W = np.zeros((members, covariance.shape[0]))
-    standard_normals(rng, W)
-    variances = np.diag(covariance)
-    if not np.any(covariance - np.diag(variances)):
-        return W * np.sqrt(variances)
+    n = covariance.shape[0]
+    W, L = np.zeros((members, n)), np.zeros((n, n))
+    if cholesky(np.ascontiguousarray(covariance, float), n, L):
+        draw(rng, L, np.zeros(n), W)
+        return W
+    draw(rng, np.eye(n), np.zeros(n), W)
     values, vectors = np.linalg.eigh(covariance)
     return W @ (vectors * np.sqrt(np.maximum(values, 0.0))).T

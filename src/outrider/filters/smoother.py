@@ -19,15 +19,25 @@ class Smoothed(NamedTuple):
     P: Floats
 
 
+class Work(NamedTuple):
+    """Scratch of `backward`."""
+
+    L: Floats  # (n, n) chol Pp
+    G: Floats  # (n, n) the smoother gain, transposed
+    D: Floats  # (n, n) Ps - Pp of the step after
+    e: Floats  # (n,)
+    dx: Floats  # (n,)
+    J: Floats  # (3, 3)
+
+
 @kernel
-def backward(x: Floats, P: Floats, xp: Floats, Pp: Floats, F: Floats, table: Ints) -> int:
+def backward(x: Floats, P: Floats, xp: Floats, Pp: Floats, F: Floats, table: Ints, w: Work) -> int:
     """Smooth x, P in place from the last step to the first; returns -1, or the step whose prediction is singular.
 
     G = P F' Pp^-1,  e = xs [-] xp of the step after,  xs = x [+] G e,  Ps = P + G (Ps - Pp) G'
     """
     steps, n = x.shape[0], P.shape[1]
-    L, G, D = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n))
-    e, dx, J = np.zeros(n), np.zeros(n), np.zeros((3, 3))
+    L, G, D, e, dx, J = w
     for k in range(steps - 2, -1, -1):
         if not cholesky(Pp[k + 1], n, L):
             return k + 1
@@ -92,7 +102,9 @@ def smooth(x: Floats, P: Floats, xp: Floats, Pp: Floats, F: Floats, table: Ints)
     """
     xs, Ps = np.array(x, float, order="C"), np.array(P, float, order="C")
     predicted = np.ascontiguousarray(xp, float), np.ascontiguousarray(Pp, float), np.ascontiguousarray(F, float)
-    failed = backward(xs, Ps, *predicted, table)
+    n = Ps.shape[1]
+    w = Work(*(np.zeros(shape) for shape in ((n, n), (n, n), (n, n), (n,), (n,), (3, 3))))
+    failed = backward(xs, Ps, *predicted, table, w)
     if failed >= 0:
         raise DataError(
             "the predicted covariance is not positive definite",
