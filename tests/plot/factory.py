@@ -129,6 +129,7 @@ def full_run(n: int = 3000, lasts: float = 300.0) -> Run:
         seed=7,
         versions={"outrider": "0.1.0", "numpy": "2.1", "python": "3.11.9"},
         robot="husky",
+        start=T0,
         datum=Datum(lat=np.radians(49.9), lon=np.radians(8.9), alt=112.3),
         fused=estimates(pose),
         local=estimates(local),

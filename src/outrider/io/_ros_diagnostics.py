@@ -17,10 +17,10 @@ _OUTCOMES = {Outcome.OK: OK, Outcome.DEGRADED: WARN}
 
 def diagnostics(run: Run, messages: Messages) -> Iterator[tuple[int, bytes]]:
     """DiagnosticArray messages in time order."""
-    first, last = span(run)
+    last = _last_stamp(run)
     events = [(r.t, [_reset(messages, r)]) for r in run.resets]
     for source, changes in run.health.items():
-        events += [(first + round(t * 1e9), [_state(messages, source, int(code))]) for t, code in changes.tolist()]
+        events += [(run.start + round(t * 1e9), [_state(messages, source, int(code))]) for t, code in changes.tolist()]
     last = max([last, *(t for t, _ in events)])
     summary = [_outcome(messages, run.outcome)]
     summary += [_account(messages, a) for a in run.accounts] + [_finding(messages, f) for f in run.findings]
@@ -29,11 +29,10 @@ def diagnostics(run: Run, messages: Messages) -> Iterator[tuple[int, bytes]]:
         yield t, messages.pack(messages.make("diagnostic_msgs/msg/DiagnosticArray", given))
 
 
-def span(run: Run) -> tuple[int, int]:
-    """First and last stamp [ns] of anything in the run: health counts its seconds from the first."""
+def _last_stamp(run: Run) -> int:
+    """Last stamp [ns] of anything in the run; its start, if there is nothing."""
     stamps = [run.fused.t, run.fused.pose.t, *(i.t for i in run.innovations.values())]
-    stamps = [t[t > 0] for t in stamps if (t > 0).any()]
-    return min((int(t.min()) for t in stamps), default=0), max((int(t.max()) for t in stamps), default=0)
+    return max((int(t.max()) for t in stamps if t.size), default=run.start)
 
 
 def _status(messages: Messages, level: int, name: str, text: str, values: Mapping[str, object] | None = None) -> Any:

@@ -5,7 +5,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from outrider.data import Run, SensorState
-from outrider.plot.series import seconds, start_ns
+from outrider.plot.series import seconds
 from outrider.plot.style import LEFT, MUTED, PAPER, STATE_COLOURS, WIDTH, finish, label, styled
 from outrider.typing import Floats
 
@@ -66,6 +66,6 @@ def state_bars(history: Floats, end: float) -> list[tuple[float, float, SensorSt
 
 def _end(run: Run) -> float:
     """The last second the run knows of; never zero, so that even a single sample gives an axis."""
-    last = float(seconds(run.fused.t[-1:], start_ns(run))[0]) if run.fused.t.size else 0.0
+    last = float(seconds(run.fused.t[-1:], run.start)[0]) if run.fused.t.size else 0.0
     known = [a.last for a in run.accounts if np.isfinite(a.last)]
     return max([last, *known, *(float(h[-1, 0]) for h in run.health.values() if h.shape[0])], default=0.0) or 1.0

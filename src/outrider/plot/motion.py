@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from outrider.data import Block, Estimates, Manifold, Run
-from outrider.plot.series import break_wraps, extremes, position_sd, seconds, spans, speed, start_ns, yaw_sd
+from outrider.plot.series import break_wraps, extremes, position_sd, seconds, spans, speed, yaw_sd
 from outrider.plot.style import AXES, FUSED, LOCAL, MUTED, REJECTED, finish, panels, styled
 from outrider.typing import Floats
 
@@ -33,7 +33,7 @@ def motion_figure(run: Run) -> Figure | None:
     for ax, (unit, draw) in zip(axes, draws, strict=True):
         ax.set_ylabel(unit)
         for estimate, colour, _ in estimates:
-            draw(ax, estimate, start_ns(run), colour)
+            draw(ax, estimate, run.start, colour)
     axes[0].set_ylim(-185, 185)
     axes[0].set_yticks([-180, -90, 0, 90, 180])
     handles: list[Artist] = [Line2D([], [], color=colour, label=name) for _, colour, name in estimates]
@@ -83,7 +83,7 @@ def sigma_figure(run: Run) -> Figure | None:
     if not run.fused.t.size or not np.isfinite(position_sd(run.fused)).any():
         return None
     figure, (ax,) = panels(1, 2.4)
-    start = start_ns(run)
+    start = run.start
     sd = position_sd(run.fused)
     handles: list[Artist] = []
     for k, name in enumerate(("east", "north", "up")):
@@ -118,7 +118,7 @@ def slow_figure(run: Run) -> Figure | None:
     if not blocks:
         return None
     figure, axes = panels(len(blocks), 1.45)
-    t = seconds(fused.t, start_ns(run))
+    t = seconds(fused.t, run.start)
     for ax, block in zip(axes, blocks, strict=True):
         _slow_panel(ax, t, fused, block)
     widest = max(b.error.stop - b.error.start for b in blocks)
@@ -160,7 +160,7 @@ def _shade(ax: Axes, run: Run, column: int, what: str) -> list[Patch]:
     """Grey where the fused estimate does not stand by its position (0), velocity (1) or heading (2)."""
     if not run.fused.valid.shape[0]:
         return []
-    found = spans(seconds(run.fused.t, start_ns(run)), run.fused.valid[:, column] == 0)
+    found = spans(seconds(run.fused.t, run.start), run.fused.valid[:, column] == 0)
     for begin, end in found:
         ax.axvspan(begin, end, facecolor=(MUTED, 0.22), edgecolor="none", zorder=0)
     return [Patch(facecolor=(MUTED, 0.22), label=f"{what} declared invalid")] if found else []
@@ -169,5 +169,5 @@ def _shade(ax: Axes, run: Run, column: int, what: str) -> list[Patch]:
 def _mark_resets(axes: Sequence[Axes], run: Run) -> list[Line2D]:
     for reset in run.resets[:100]:
         for ax in axes:
-            ax.axvline((reset.t - start_ns(run)) * 1e-9, color=REJECTED, linewidth=0.9, linestyle=(0, (1, 1.5)))
+            ax.axvline((reset.t - run.start) * 1e-9, color=REJECTED, linewidth=0.9, linestyle=(0, (1, 1.5)))
     return [Line2D([], [], color=REJECTED, linewidth=0.9, linestyle=(0, (1, 1.5)), label="reset")] if run.resets else []

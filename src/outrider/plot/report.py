@@ -19,7 +19,7 @@ from outrider.plot.health import health_figure
 from outrider.plot.innovations import GATE_TAIL, innovation_figure
 from outrider.plot.maps import aligned_at_start, ellipse_rows, map_figure, odom_figure, run_colours
 from outrider.plot.motion import motion_figure, sigma_figure, slow_figure
-from outrider.plot.series import distance, radius_95, start_ns
+from outrider.plot.series import distance, radius_95
 from outrider.plot.style import DARK, css_name, to_svg
 
 _NO_LOCAL = "There is no local estimate: it needs wheels or another source of body velocity, and a gyro."
@@ -99,7 +99,7 @@ def _reference(run: Run, reference: Trajectory) -> Plot:
     caption = "Estimate minus reference, without any alignment."
     absent = "The reference does not overlap the estimate in time."
     return _plot(
-        error_figure(run.fused.pose, reference, start=start_ns(run)), "error to the reference", caption, absent=absent
+        error_figure(run.fused.pose, reference, start=run.start), "error to the reference", caption, absent=absent
     )
 
 
@@ -114,7 +114,7 @@ def _innovations(run: Run, name: str, record: Innovations) -> Plot:
         f"{tables.number(float(np.median(ratio)) if ratio.size else np.nan)}. The gate lets "
         f"{tables.number(100 * (1 - tail), '%', 4)} of good records pass; what lies beyond a panel stands at its edge."
     )
-    figure = innovation_figure(record, colour, start_ns(run), tail)
+    figure = innovation_figure(record, colour, run.start, tail)
     return _plot(figure, f"innovations of {name}", caption, absent="No record of this source was scored.", title=name)
 
 

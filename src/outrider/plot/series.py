@@ -3,19 +3,10 @@
 import numpy as np
 from scipy.special import chdtri
 
-from outrider.data import Estimates, Manifold, Run, Trajectory
+from outrider.data import Estimates, Manifold, Trajectory
 from outrider.typing import Bools, Floats, Ints
 
 CHI2_95_2D = 5.991  # 95 % of a two-dimensional Gaussian lie inside this squared radius
-
-
-def start_ns(run: Run) -> int:
-    """The first stamp the run knows of [ns]: zero of every time axis."""
-    stamps = [run.fused.t, *(i.t for i in run.innovations.values()), *(t.t for t in run.tracks.values())]
-    if run.local is not None:
-        stamps.append(run.local.t)
-    firsts = [int(np.min(t)) for t in stamps if t.size]
-    return min(firsts, default=0)
 
 
 def seconds(t: Ints, start: int) -> Floats:

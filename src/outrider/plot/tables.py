@@ -11,7 +11,7 @@ import numpy as np
 
 from outrider.data import REASONS, Account, Finding, Outcome, Reset, Run, SensorState, Trajectory, Verdict
 from outrider.eval import associate, heading_errors, position_errors, statistics
-from outrider.plot.series import distance, radius_95, seconds, start_ns, yaw_sd
+from outrider.plot.series import distance, radius_95, seconds, yaw_sd
 
 NONE = "–"
 _CONTRIBUTES = (Verdict.USED, Verdict.INPUT, Verdict.RESET)
@@ -95,7 +95,7 @@ def _travel(run: Run) -> list[Card]:
     pose = run.fused.pose
     length, lasted = distance(pose), duration(run)
     mean = length / lasted if lasted > 0 else math.nan
-    delay = float(seconds(run.fused.t[:1], start_ns(run))[0]) if run.fused.t.size else math.nan
+    delay = float(seconds(run.fused.t[:1], run.start)[0]) if run.fused.t.size else math.nan
     out = [
         Card(
             "duration", span(lasted), f"first estimate after {span(delay)}" if math.isfinite(delay) else "no estimate"
@@ -230,7 +230,7 @@ def _seen(a: Account) -> str:
 
 def reset_rows(run: Run) -> list[tuple[str, str, str, str, str]]:
     """Time, source, state, jump and reason of every reset."""
-    start, ordered = start_ns(run), sorted(run.resets, key=lambda r: r.t)
+    start, ordered = run.start, sorted(run.resets, key=lambda r: r.t)
     return [(fixed((r.t - start) * 1e-9, "s"), r.source, r.state, _jump(r), r.reason) for r in ordered]
 
 
