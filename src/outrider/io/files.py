@@ -1,0 +1,143 @@
+"""What every reader and writer shares: digests, outputs that are never half written, and the assembly of a log."""
+
+import os
+import tempfile
+from collections.abc import Callable, Generator, Iterable, Sequence
+from contextlib import contextmanager
+from difflib import get_close_matches
+from fnmatch import fnmatchcase
+from hashlib import sha256 as new_sha256
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+
+from outrider.data import EventLog, Stream
+from outrider.errors import DataError, OutputExistsError, UsageError
+
+Progress: TypeAlias = Callable[[int, int], None]
+"""Called with (bytes done, bytes in all)."""
+
+HASH_WHOLE = 1 << 30  # a longer file is hashed by its head, tail and size: 10 GB must not cost a minute
+_CHUNK = 1 << 20
+
+
+def sha256(path: Path) -> str:
+    """SHA-256 of a file or of all files of a directory, as hex.
+
+    A file above 1 GiB is represented by its size, first and last 64 MiB, and the digest is prefixed `head-tail-size:`.
+    """
+    digest, prefix = new_sha256(), ""
+    for file in sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]:
+        with file.open("rb") as f:
+            size = file.stat().st_size
+            if size > HASH_WHOLE:
+                prefix = "head-tail-size:"
+                digest.update(str(size).encode())
+                for start in (0, size - 64 * _CHUNK):
+                    f.seek(start)
+                    for _ in range(64):
+                        digest.update(f.read(_CHUNK))
+            else:
+                while chunk := f.read(_CHUNK):
+                    digest.update(chunk)
+    return prefix + digest.hexdigest()
+
+
+def ensure_readable(path: Path) -> Path:
+    """The path of a file that is there, not empty and may be opened; otherwise a `DataError` that says which."""
+    if path.is_dir():
+        raise DataError("is a directory, not a log file", where=str(path), fix="name the file inside it")
+    try:
+        with path.open("rb") as f:
+            empty = not f.read(1)
+    except OSError as e:
+        raise DataError(f"cannot be read: {(e.strerror or str(e)).lower()}", where=str(path)) from None
+    if empty:
+        raise DataError("the file is empty", where=str(path), fix="was the recording stopped before it was written?")
+    return path
+
+
+def ensure_output_dir(path: Path, *, force: bool = False) -> Path:
+    """Make a directory for results; one that holds something already is refused unless `force`."""
+    if path.exists() and not path.is_dir():
+        raise OutputExistsError("exists and is not a directory", where=str(path), fix="choose another output")
+    if path.is_dir() and any(path.iterdir()) and not force:
+        raise OutputExistsError(
+            "the output directory is not empty", where=str(path), fix="--force overwrites, --output names another"
+        )
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as e:
+        raise UsageError(f"cannot be created: {(e.strerror or str(e)).lower()}", where=str(path)) from None
+    return path
+
+
+@contextmanager
+def replacing(path: Path, *, force: bool = False) -> Generator[Path, None, None]:
+    """Yield a temporary path beside `path` that takes its place if the block succeeds, and vanishes if it does not."""
+    if path.exists() and not force:
+        raise OutputExistsError("exists already", where=str(path), fix="--force overwrites it")
+    try:
+        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+        os.close(handle)
+    except OSError as e:
+        raise UsageError(f"cannot be written: {(e.strerror or str(e)).lower()}", where=str(path)) from None
+    part = Path(name)
+    try:
+        yield part
+        part.chmod(0o666 & ~_umask())  # mkstemp makes it private
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def closest(name: str, names: Iterable[str]) -> str:
+    """A remedy for a name that is not there: the nearest one, or all of them."""
+    names = sorted(names)
+    near = get_close_matches(name, names, n=1)
+    return f"did you mean '{near[0]}'?" if near else f"there are: {', '.join(names) or 'none'}"
+
+
+def assemble(
+    path: Path,
+    streams: Iterable[Stream],
+    *,
+    notes: Sequence[str] = (),
+    topics: Sequence[str] | None = None,
+    start_s: float | None = None,
+    end_s: float | None = None,
+) -> EventLog:
+    """One `EventLog` of the streams that were asked for.
+
+    topics : stream names, topics (the part before "#") or patterns with * and ?
+    start_s, end_s : seconds since the log's first event; records outside are left out.
+    """
+    named: dict[str, Stream] = {s.name: s for s in streams if len(s) or s.malformed}
+    if not any(len(s) for s in named.values()):
+        why = f"; {notes[0]}" if notes else ""
+        raise DataError(f"holds no sensor record that can be used{why}", where=str(path))
+    first = min(int(s.t[s.t > 0].min(initial=np.iinfo(np.int64).max)) for s in named.values())
+    if topics is not None:
+        named = {s.name: s for wanted in topics for s in _matching(wanted, named, path)}
+    if start_s is not None or end_s is not None:
+        begin = -np.inf if start_s is None else start_s
+        end = np.inf if end_s is None else end_s
+        since = {name: (s.t - first) * 1e-9 for name, s in named.items()}
+        named = {name: s.select((since[name] >= begin) & (since[name] <= end)) for name, s in named.items()}
+        if not any(len(s) for s in named.values()):
+            raise DataError(f"no record between {begin:g} s and {end:g} s", where=str(path), fix="widen the time span")
+    return EventLog(streams=named, path=str(path), sha256=sha256(path), notes=tuple(notes))
+
+
+def _matching(wanted: str, named: dict[str, Stream], path: Path) -> list[Stream]:
+    found = [s for s in named.values() if fnmatchcase(s.name, wanted) or fnmatchcase(s.name.split("#")[0], wanted)]
+    if not found:
+        raise DataError(f"no topic '{wanted}'", where=str(path), fix=closest(wanted, named))
+    return found

@@ -1,0 +1,99 @@
+"""Any log by one call: the format is told by the first bytes, then by the name; each reader is imported when needed."""
+
+import re
+from collections.abc import Callable, Sequence
+from importlib import import_module
+from pathlib import Path
+
+from outrider.data import EventLog
+from outrider.errors import DataError, UsageError
+from outrider.io.files import Progress, ensure_readable
+
+READERS = {  # format -> module and function
+    "ros1 bag": ("rosbags", "read_rosbag"),
+    "ros2 bag": ("rosbags", "read_rosbag"),
+    "mcap": ("rosbags", "read_rosbag"),
+    "ulog": ("ulog", "read_ulog"),
+    "dataflash": ("dataflash", "read_dataflash"),
+    "tlog": ("mavlink", "read_tlog"),
+    "ekf2 replay": ("replay", "read_replay"),
+}
+SUPPORTED = (
+    "ROS 1 .bag, ROS 2 bag (directory, .db3, .mcap), PX4 .ulg, ArduPilot .bin and .tlog, EKF2 replay .csv, "
+    "any .csv with a mapping"
+)
+MAGIC = (
+    (b"#ROSBAG V2.0", "ros1 bag"),
+    (b"\x89MCAP0\r\n", "mcap"),
+    (b"SQLite format 3\0", "ros2 bag"),
+    (b"ULog\x01\x12\x35", "ulog"),
+    (b"\xa3\x95", "dataflash"),
+)
+ENDINGS = {
+    ".bag": "ros1 bag", ".mcap": "mcap", ".db3": "ros2 bag", ".ulg": "ulog", ".bin": "dataflash", ".tlog": "tlog",
+}  # fmt: skip
+REPLAY_ROW = re.compile(rb"\d+,(imu|gps|mag|baro|airspeed|range|flow|vio|landed),[-+0-9.e]")
+
+
+def detect(path: Path) -> str:
+    """The format of a log: a key of `READERS`, or `csv` for a table that needs a mapping."""
+    if path.is_dir():
+        if (path / "metadata.yaml").is_file() or any(path.glob("*.db3")) or any(path.glob("*.mcap")):
+            return "ros2 bag"
+        raise DataError("is a directory, but not a ROS 2 bag", where=str(path), fix="name the log file inside it")
+    with ensure_readable(path).open("rb") as f:
+        head = f.read(4096)
+    for magic, name in MAGIC:
+        if head.startswith(magic):
+            return name
+    if len(head) > 16 and head[8] in (0xFD, 0xFE) and 0 < int.from_bytes(head[:8], "big") < 2**52:
+        return "tlog"
+    if REPLAY_ROW.match(head):
+        return "ekf2 replay"
+    ending = path.suffix.lower()
+    if ending in ENDINGS:
+        return ENDINGS[ending]
+    if ending in (".csv", ".tsv", ".txt") and b"\0" not in head:
+        return "csv"
+    raise DataError("not a log format that is known here", where=str(path), fix=f"supported: {SUPPORTED}")
+
+
+def read_log(
+    path: Path | str,
+    *,
+    robot: str = "robot",
+    topics: Sequence[str] | None = None,
+    start_s: float | None = None,
+    end_s: float | None = None,
+    progress: Progress | None = None,
+    mapping: Path | None = None,
+) -> EventLog:
+    """Read a log of any supported format.
+
+    robot : name given to the records;  topics : stream names or patterns, all by default;  start_s, end_s : seconds
+    since the log's first event;  progress : called with (bytes done, bytes in all);  mapping : makes a CSV readable.
+
+    Raises `DataError` if the file is missing, empty, of no known kind, damaged beyond reading, or without any record.
+    """
+    path = Path(path)
+    name = detect(path)
+    if mapping is not None:
+        if name not in ("csv", "ekf2 replay"):
+            raise UsageError(
+                f"a mapping is for CSV files, this is {name}", where=str(path), fix="leave the mapping out"
+            )
+        from outrider.io.csv import read_csv
+
+        return read_csv(path, mapping, robot=robot, topics=topics, start_s=start_s, end_s=end_s, progress=progress)
+    if name == "csv":
+        raise DataError("a CSV needs a mapping that says what its columns are", where=str(path), fix=_columns(path))
+    module, function = READERS[name]
+    reader: Callable[..., EventLog] = getattr(import_module(f"outrider.io.{module}"), function)
+    return reader(path, robot=robot, topics=topics, start_s=start_s, end_s=end_s, progress=progress)
+
+
+def _columns(path: Path) -> str:
+    from outrider.io._table import header_of
+
+    names = header_of(path, ",", None).names
+    return f"its columns are {', '.join(names[:12])}{', ...' if len(names) > 12 else ''}"

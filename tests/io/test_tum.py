@@ -1,0 +1,127 @@
+"""Trajectories out and back: nothing lost, nothing overwritten."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from flight_logs import write
+
+from outrider.core.geodesy import enu_to_geodetic
+from outrider.data import Datum, Manifold, StateLayout, Trajectory, empty_estimates
+from outrider.errors import DataError, OutputExistsError, UsageError
+from outrider.io.files import ensure_output_dir, replacing
+from outrider.io.trajectories import read_table, read_trajectory, run_columns, write_geojson, write_table
+from outrider.io.tum import read_tum, write_tum
+
+
+@pytest.fixture
+def path_of_ten(rng: np.random.Generator) -> Trajectory:
+    n = 10
+    q = rng.normal(size=(n, 4))
+    A = rng.normal(size=(n, 6, 6))
+    return Trajectory(
+        t=1_700_000_000_123_456_789 + np.arange(n) * 100_000_001,
+        p=rng.normal(size=(n, 3)) * 100,
+        q=q / np.linalg.norm(q, axis=1, keepdims=True),
+        v=rng.normal(size=(n, 3)),
+        P=A @ A.transpose(0, 2, 1),
+        valid=np.arange(n) > 2,
+        datum=Datum(lat=0.8, lon=0.15, alt=500.0),
+        name="robot",
+    )
+
+
+def test_tum_keeps_every_nanosecond(tmp_path: Path, path_of_ten: Trajectory) -> None:
+    write_tum(path_of_ten, tmp_path / "a.tum")
+    back = read_tum(tmp_path / "a.tum")
+    np.testing.assert_array_equal(back.t, path_of_ten.t)
+    np.testing.assert_allclose(back.p, path_of_ten.p, atol=1e-9)
+    np.testing.assert_allclose(back.q, path_of_ten.q, atol=1e-8)
+
+
+def test_tum_leaves_out_what_is_damaged(tmp_path: Path) -> None:
+    text = b"# t x\n2.5 1 2 3 0 0 0 1\n1 1 2 3 0 0 0 2\n2.5 9 9 9 0 0 0 1\n3 1 2\n4 a b c d e f g\n5 nan 0 0 0 0 0 1\n"
+    text += b"6 1 2 3 0 0"
+    back = read_tum(write(tmp_path, "a.txt", text))
+    assert back.t.tolist() == [10**9, 2_500_000_000] and back.q[0].tolist() == [0, 0, 0, 1] and back.p[1, 0] == 1
+    for nothing in (b"# only a comment\n", b"\0\xff\n"):
+        with pytest.raises(DataError, match="no TUM pose"):
+            read_tum(write(tmp_path, "b.txt", nothing))
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_tables_keep_every_bit(tmp_path: Path, path_of_ten: Trajectory, ending: str) -> None:
+    path = tmp_path / f"a.{ending}"
+    write_table(path_of_ten, path)
+    back = read_trajectory(path)
+    for name in ("t", "p", "q", "v", "P", "valid"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(path_of_ten, name), err_msg=name)
+    assert back.datum is not None and path_of_ten.datum is not None
+    assert back.datum.lat == pytest.approx(path_of_ten.datum.lat, abs=1e-15) and back.datum.altitude == "ELLIPSOID"
+    data = path.read_bytes()
+    for cut in (0, 1, 10, len(data) // 2, len(data) - 1):
+        try:
+            assert len(read_table(write(tmp_path, f"cut.{ending}", data[:cut]))) <= 10
+        except DataError as e:
+            assert "\n" not in str(e)
+
+
+def test_a_bare_trajectory_stays_bare(tmp_path: Path) -> None:
+    bare = Trajectory(t=np.array([5, 7]), p=np.ones((2, 3)), q=np.full((2, 4), np.nan))
+    write_table(bare, tmp_path / "a.csv")
+    back = read_table(tmp_path / "a.csv")
+    assert back.datum is None and len(back.v) == len(back.P) == len(back.valid) == 0 and np.isnan(back.q).all()
+
+
+def test_geojson_puts_longitude_first(tmp_path: Path, path_of_ten: Trajectory) -> None:
+    write_geojson(path_of_ten, tmp_path / "a.geojson")
+    feature = json.loads((tmp_path / "a.geojson").read_text())["features"][0]
+    lat, lon, alt = enu_to_geodetic(path_of_ten.p, 0.8, 0.15, 500.0)
+    expected = np.column_stack([np.degrees(lon), np.degrees(lat), alt])
+    np.testing.assert_allclose(feature["geometry"]["coordinates"], expected, atol=1e-3)
+    assert feature["geometry"]["type"] == "LineString" and feature["properties"]["t_ns"] == path_of_ten.t.tolist()
+    with pytest.raises(UsageError, match="no datum"):
+        write_geojson(Trajectory(t=np.zeros(0, np.int64), p=np.zeros((0, 3)), q=np.zeros((0, 4))), tmp_path / "b")
+
+
+def test_nothing_is_overwritten_or_left_half_written(tmp_path: Path, path_of_ten: Trajectory) -> None:
+    path = write(tmp_path, "a.tum", b"precious")
+    with pytest.raises(OutputExistsError, match="--force"):
+        write_tum(path_of_ten, path)
+    with pytest.raises(ZeroDivisionError), replacing(path, force=True) as part:
+        part.write_text("half")
+        raise ZeroDivisionError
+    assert path.read_bytes() == b"precious" and list(tmp_path.iterdir()) == [path]
+    write_tum(path_of_ten, path, force=True)
+    assert len(read_tum(path)) == 10
+    with pytest.raises(UsageError, match="cannot be written"):
+        write_tum(path_of_ten, tmp_path / "no" / "folder.tum")
+    with pytest.raises(UsageError, match="no table format"):
+        write_table(path_of_ten, tmp_path / "a.xlsx")
+
+
+def test_an_output_directory_is_made_once(tmp_path: Path) -> None:
+    folder = ensure_output_dir(tmp_path / "a" / "b")
+    assert ensure_output_dir(folder) == folder  # empty: nothing to lose
+    write(folder, "x", b"1")
+    with pytest.raises(OutputExistsError, match="not empty"):
+        ensure_output_dir(folder)
+    assert ensure_output_dir(folder, force=True) == folder
+    with pytest.raises(OutputExistsError, match="not a directory"):
+        ensure_output_dir(folder / "x", force=True)
+
+
+def test_a_run_lists_every_state_with_its_deviation() -> None:
+    from outrider.data import Run
+
+    layout = StateLayout(("position", 3, "m"), ("attitude", Manifold.ROTATION, "rad"), ("scale", 1, ""))
+    run = Run(
+        log_path="", log_sha256="", config={}, seed=0, versions={}, robot="r", start=0, datum=None,
+        local=None, fused=empty_estimates(layout), innovations={}, accounts=(), findings=(), resets=(),
+    )  # fmt: skip
+    columns = run_columns(run)
+    assert {"t_ns", "qw", "position_z", "sd_position_z", "sd_attitude_x", "scale", "sd_scale", "valid_heading"} <= set(
+        columns
+    )
+    assert "attitude_x" not in columns
