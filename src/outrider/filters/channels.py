@@ -13,7 +13,7 @@ from outrider.core.geodesy import geodetic_to_enu
 from outrider.data import Datum, Fix, Kind, Stream, Verdict
 from outrider.filters.step import INPUT_SENSOR, ROWS
 from outrider.models.sensors import SPECS, Sensor
-from outrider.models.sensors.layout import MOUNT, OWN, THETA_SIZE
+from outrider.models.sensors.layout import OWN, THETA_SIZE
 from outrider.typing import Bools, Floats, Ints
 
 STRAIGHT_THETA: Final = np.concatenate([np.zeros(3), np.eye(3).ravel(), np.zeros(THETA_SIZE - OWN)])
@@ -45,6 +45,8 @@ class Channel:
     beacon: float | None = None
     still: bool = False
     trust_stated: bool = True
+    mount: Floats = field(default_factory=lambda: np.eye(3).ravel())
+    """(9,) rotation into body axes that an IMU's records go through here; theta then holds none."""
 
     @property
     def code(self) -> int:
@@ -118,8 +120,9 @@ def measurement(channel: Channel, s: Stream, datum: Datum | None) -> tuple[Float
     if s.kind is Kind.GNSS:
         return site_position(s, datum), gnss_variance(s)
     if s.kind is Kind.IMU:
-        R = channel.theta[MOUNT:OWN].reshape(3, 3)
-        gyro, accel = s.z[:, :3] @ R.T, s.z[:, 3:] @ R.T
+        R = channel.mount.reshape(3, 3)
+        with np.errstate(invalid="ignore", over="ignore"):  # such records have been refused
+            gyro, accel = s.z[:, :3] @ R.T, s.z[:, 3:] @ R.T
         if channel.sensor is None:
             return np.concatenate([gyro, accel], axis=1), unstated
         if channel.sensor is Sensor.SPECIFIC_FORCE:
@@ -143,13 +146,6 @@ def site_position(s: Stream, datum: Datum | None) -> Floats:
     z[good] = geodetic_to_enu(lat[good], lon[good], height[good], datum.lat, datum.lon, datum.alt).reshape(-1, 3)
     z[~np.isfinite(alt), 2] = np.nan
     return z
-
-
-def body_theta(theta: Floats) -> Floats:
-    """The same parameters for records that `measurement` has already turned into body axes."""
-    out = theta.copy()
-    out[MOUNT:OWN] = np.eye(3).ravel()
-    return out
 
 
 # Standard deviations [m] that a receiver's own claim is never believed below, and those taken where it claims nothing.

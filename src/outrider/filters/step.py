@@ -21,15 +21,20 @@ from outrider.typing import Floats, Ints
 
 ROWS: Final = 8  # most rows in one measurement
 OUT_VERDICT, OUT_NIS, OUT_DOF, OUT_Y, OUT_S = 0, 1, 2, 3, 3 + ROWS
-OUT_SIZE: Final = 3 + 2 * ROWS
+OUT_STATE: Final = 3 + 2 * ROWS  # SensorState of the source after the event
+OUT_SIZE: Final = OUT_STATE + 1
 MOST_STEPS: Final = 2000  # prediction steps across one gap, however long
 INPUT_SENSOR: Final = -1  # the code of a source that drives the prediction
+MOST_INPUT: Final = 1e3  # rad/s, m/s^2: no vehicle feels more
+MOST_VARIANCE: Final = 1e30  # an estimate with more has diverged
 
 _USED, _WITHHELD, _GATED = int(Verdict.USED), int(Verdict.WITHHELD), int(Verdict.GATED)
-_INPUT, _RESET, _NOT_OBSERVING, _DIVERGED = (
+_INPUT, _RESET, _NOT_OBSERVING, _NOT_ALIGNED, _IMPLAUSIBLE, _DIVERGED = (
     int(Verdict.INPUT),
     int(Verdict.RESET),
     int(Verdict.NOT_OBSERVING),
+    int(Verdict.NOT_ALIGNED),
+    int(Verdict.IMPLAUSIBLE),
     int(Verdict.DIVERGED),
 )
 _FAULTED = 3  # SensorState
@@ -84,6 +89,7 @@ class Scratch(NamedTuple):
     w: Work
     x_before: Floats
     P_before: Floats
+    u_before: Floats
 
 
 def scratch(size: int, n: int) -> Scratch:
@@ -100,6 +106,7 @@ def scratch(size: int, n: int) -> Scratch:
         w=workspace(n, ROWS + 1),
         x_before=np.zeros(size),
         P_before=np.zeros((n, n)),
+        u_before=np.zeros(6),
     )
 
 
@@ -170,7 +177,7 @@ def measure(model: Model, sources: Sources, s: State, src: int, z: Floats, r: Fl
     rows = evaluate(sources.code[src], ws.k, z, sources.theta[src], ws.y, ws.D)
     m = 0
     for i in range(rows):
-        if np.isfinite(r[i]) and np.isfinite(ws.y[i]):
+        if np.isfinite(r[i]) and r[i] >= 0.0 and np.isfinite(ws.y[i]):
             ws.y[m], ws.r[m] = ws.y[i], r[i]
             if m != i:
                 for j in range(T_SIZE):
@@ -196,21 +203,28 @@ def step(
     """Process one event.
 
     t [s]; src row of `sources`; z (ROWS,) the record and r (ROWS,) its variances; flag: a `Verdict` the record already
-    has (0 none, WITHHELD: score only, others: refused).  out (OUT_SIZE,): verdict, NIS, dof, y, predicted std of y.
+    has (0 none, WITHHELD: score only, others: refused).  out (OUT_SIZE,): verdict, NIS, dof, y, predicted std of y,
+    SensorState.
     """
     for i in range(OUT_SIZE):
         out[i] = np.nan
-    out[OUT_VERDICT], out[OUT_DOF] = flag, 0.0
-    s.clock[C_EVENTS] += 1.0
+    out[OUT_VERDICT], out[OUT_DOF], out[OUT_STATE] = flag, 0.0, s.health[src, H_STATE]
     if flag != _USED and flag != _WITHHELD:
         return
+    s.clock[C_EVENTS] += 1.0
+    keep(s, ws)
     if sources.code[src] == INPUT_SENSOR:
-        feed(model, s, t, z, ws)
-        out[OUT_VERDICT] = _INPUT
-        s.health[src, H_LAST] = s.health[src, H_LAST_GOOD] = t
-        s.health[src, H_STATE] = 1.0
+        out[OUT_VERDICT] = drive(model, s, src, t, z, ws)
+        out[OUT_STATE] = s.health[src, H_STATE]
+        return
+    if t < s.clock[C_NOW]:  # only before the start: drivers keep time in order
+        out[OUT_VERDICT] = _NOT_ALIGNED
         return
     predict(model, s, t, ws)
+    if not healthy(s):
+        undo(s, ws)
+        out[OUT_VERDICT] = _DIVERGED
+        return
     m = measure(model, sources, s, src, z, r, ws)
     if m == 0:
         out[OUT_VERDICT] = _NOT_OBSERVING
@@ -231,17 +245,48 @@ def step(
         innovate(s.P, ws.H, ws.r, ws.y, m, ws.w)
         forgive(h, t)
         verdict = _RESET
-    out[OUT_VERDICT] = verdict
-    if verdict == _USED or verdict == _RESET:
-        copy(s.x, ws.x_before)
-        copy(s.P, ws.P_before)
+    out[OUT_VERDICT], out[OUT_STATE] = verdict, h[H_STATE]
+    if verdict in (_USED, _RESET):
+        keep(s, ws)
         correct(s.x, s.P, ws.H, ws.r, m, model.keep, model.table, ws.w)
         if healthy(s):
             mark(s, t, m, ws)
-        else:  # nothing that is not a number ever leaves the filter
-            copy(ws.x_before, s.x)
-            copy(ws.P_before, s.P)
+        else:
+            undo(s, ws)
             out[OUT_VERDICT] = _DIVERGED
+
+
+@kernel
+def drive(model: Model, s: State, src: int, t: float, z: Floats, ws: Scratch) -> int:
+    """A record of the input through `feed`, unless it would spoil the estimate: then it is as if it had not come."""
+    for i in range(6):
+        if not abs(z[i]) <= MOST_INPUT:
+            return _IMPLAUSIBLE
+    now, last = s.clock[C_NOW], s.clock[C_INPUT]
+    feed(model, s, t, z, ws)
+    if not healthy(s):
+        undo(s, ws)
+        s.clock[C_NOW], s.clock[C_INPUT] = now, last
+        return _DIVERGED
+    s.health[src, H_LAST] = s.health[src, H_LAST_GOOD] = t
+    s.health[src, H_STATE] = 1.0
+    return _INPUT
+
+
+@kernel
+def keep(s: State, ws: Scratch) -> None:
+    """Remember the estimate: nothing that is not a number ever leaves the filter."""
+    copy(s.x, ws.x_before)
+    copy(s.P, ws.P_before)
+    copy(s.u, ws.u_before)
+
+
+@kernel
+def undo(s: State, ws: Scratch) -> None:
+    """Back to what `keep` remembers. The time stays."""
+    copy(ws.x_before, s.x)
+    copy(ws.P_before, s.P)
+    copy(ws.u_before, s.u)
 
 
 @kernel
@@ -291,10 +336,8 @@ def widen(sources: Sources, s: State, src: int, m: int, ws: Scratch) -> None:
 
 @kernel
 def healthy(s: State) -> bool:
-    """Whether the estimate is finite and its variances are not negative."""
-    if not all_finite(s.x):
-        return False
-    least = 0.0
+    """Whether the estimate is finite and every variance is possible."""
     for i in range(s.P.shape[0]):
-        least = s.P[i, i] if not s.P[i, i] >= least else least  # NaN wins
-    return least >= 0.0
+        if not 0.0 <= s.P[i, i] <= MOST_VARIANCE:  # nor is NaN
+            return False
+    return all_finite(s.x)

@@ -139,8 +139,8 @@ class PlanarRobot:
     lateral: float = 0.10  # m/s: slip across the wheels, standard deviation
     lateral_time: float = 0.5  # s: how long a slip lasts; large for mecanum wheels
     yaw_acceleration: float = 1.0  # rad/s per sqrt(s)
-    heading_walk: float = 0.003  # rad per sqrt(m) travelled
-    position_walk: float = 0.02  # m per sqrt(m) travelled
+    heading_walk: float = 0.02  # rad per sqrt(m) travelled: gyro scale, slopes, skidding
+    position_walk: float = 0.05  # m per sqrt(m) travelled
     gyro_bias_walk: float = 2e-5  # rad/s per sqrt(s)
     scale_walk: float = 2e-4  # 1 per sqrt(m)
     gnss_bias: float = 0.0  # m, standard deviation of the slowly varying GNSS error; 0: white

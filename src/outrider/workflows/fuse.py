@@ -1,0 +1,227 @@
+"""The main job: a log and a configuration in, a `Run` out."""
+
+import platform
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from importlib.metadata import PackageNotFoundError, version
+
+import numpy as np
+
+from outrider import __version__
+from outrider.data import (
+    Datum,
+    EventLog,
+    Finding,
+    Gaussian,
+    Kind,
+    Outcome,
+    Reset,
+    Run,
+    Stream,
+    Trajectory,
+    Verdict,
+    empty_estimates,
+)
+from outrider.errors import DataError
+from outrider.filters.align import Alignment, align
+from outrider.filters.channels import Records, records, site_position
+from outrider.filters.engine import Events, Filter, Queue, Track, queue, run_batch
+from outrider.typing import Floats
+from outrider.workflows.collect import Collector, accounts
+from outrider.workflows.config import FuseConfig
+from outrider.workflows.discover import Plan, plan
+from outrider.workflows.findings import judge
+
+Progress = Callable[[str, float], None]
+
+
+def fuse(log: EventLog, config: FuseConfig | None = None, *, progress: Progress | None = None) -> Run:
+    """Fuse a log into a trajectory with honest uncertainty, and say what is wrong with the data.
+
+    Parameters
+    ----------
+    log : as `outrider.io.registry.read_log` gives it; never modified
+    config : what the log cannot tell; the defaults suit every log
+    progress : called with (what is being done, share done)
+
+    Raises
+    ------
+    DataError     nothing in the log can be fused
+    ConfigError   the configuration names what the log does not have, or contradicts itself
+    """
+    began = time.perf_counter()
+    cfg = config if config is not None else FuseConfig()
+    chosen = plan(log, cfg)
+    start = first_stamp(chosen)
+    q = queue(channel_records(chosen, chosen.whole, cfg, start), start, cfg.history_s)
+    aligned = align(chosen.whole, q, chosen.spread)
+    if aligned is None:
+        raise DataError("no usable record", where=log.path, fix="`outrider sources` tells why each was refused")
+    aligned = trusted_start(aligned, cfg)
+    whole = Collector(chosen.whole, start)
+    forward(chosen.whole, aligned, q, whole, cfg, progress, "fusing")
+    local = run_local(chosen, cfg, start, progress)
+    estimates = whole.estimates()
+    run = Run(
+        log_path=log.path,
+        log_sha256=log.sha256,
+        config=cfg.model_dump(mode="json"),
+        seed=cfg.seed,
+        versions=versions(),
+        robot=cfg.robot,
+        start=start,
+        datum=chosen.datum,
+        fused=estimates if len(estimates.pose) else empty_estimates(chosen.whole.layout),
+        local=local.estimates() if local is not None else None,
+        innovations=whole.innovations(),
+        accounts=accounts(chosen.whole, whole, q.parts, chosen.log.streams, chosen.roles),
+        findings=(),
+        resets=tuple(
+            Reset(
+                t=start + round(t * 1e9),
+                source=chosen.whole.channels[c].name,
+                state="position",
+                delta=delta,
+                reason="it disagreed steadily and nothing else contradicted it",
+            )
+            for t, c, delta in whole.resets
+        ),  # fmt: skip
+        tracks=tracks(chosen, start),
+        health={
+            c.name: np.array(t.states).reshape(-1, 2)
+            for c, t in zip(chosen.whole.channels, whole.tallies, strict=True)
+            if t.states
+        },
+        wall_seconds=time.perf_counter() - began,
+    )
+    findings = (*judge(run, chosen, aligned), *log_notes(log))
+    return replace(run, findings=findings, outcome=outcome(run, findings, aligned, chosen))
+
+
+def first_stamp(chosen: Plan) -> int:
+    """Stamp of the first usable record of any stream [ns]."""
+    firsts = [
+        int(s.t[good].min())
+        for s in chosen.log
+        if (good := chosen.verdicts[s.name] == Verdict.USED).any()  # a stamp of zero is none
+    ]
+    return min(firsts)
+
+
+def channel_records(chosen: Plan, f: Filter, cfg: FuseConfig, start: int) -> list[Records]:
+    """Records of every channel, with those withheld on request marked so."""
+    out: list[Records] = []
+    for c in f.channels:
+        part = records(c, chosen.log.streams[c.stream], chosen.verdicts[c.stream], chosen.datum)
+        held = np.zeros(part.t.size, np.bool_)
+        if c.stream in cfg.withhold:
+            held |= part.row % cfg.withhold[c.stream] != 0
+        for begin, end in cfg.outages_s.get(c.stream, ()):
+            t = (part.t - start) * 1e-9
+            held |= (t >= begin) & (t < end)
+        part.flag[held & (part.flag == Verdict.USED)] = Verdict.WITHHELD
+        out.append(part)
+    return out
+
+
+def trusted_start(a: Alignment, cfg: FuseConfig) -> Alignment:
+    """robot_localization starts at the origin and is sure of it."""
+    if cfg.preset != "robot_localization":
+        return a
+    P = a.prior.P.copy()
+    s = a.prior.layout.error("position")
+    P[s, s] = 1e-9 * np.eye(3)
+    return replace(a, prior=Gaussian(a.prior.x, P, a.prior.layout))
+
+
+def forward(
+    f: Filter, a: Alignment, q: Queue, sink: Collector, cfg: FuseConfig, progress: Progress | None, what: str
+) -> None:
+    """Run the batch driver, reporting progress; events before the alignment's start are marked."""
+    before_start(q, a.t_start)
+
+    def report(first: int, ev: Events, out: Floats, track: Track) -> None:
+        sink(first, ev, out, track)
+        if progress is not None:
+            progress(what, min(1.0, (first + ev.t.size) / max(len(q), 1)))
+
+    run_batch(f, a.prior, a.t_start, q, report, period=cfg.output_period_s)
+
+
+def before_start(q: Queue, t_start: float) -> None:
+    """Mark usable records from before the start as not used for lack of a start."""
+    first = q.t0 + int(t_start * 1e9)
+    for part in q.parts:
+        early = (part.t < first) & (part.flag <= Verdict.WITHHELD)
+        part.flag[early] = Verdict.NOT_ALIGNED
+
+
+def run_local(chosen: Plan, cfg: FuseConfig, start: int, progress: Progress | None) -> Collector | None:
+    """The odom frame: the same vehicle with wheels and IMU only, from the origin."""
+    if chosen.local is None:
+        return None
+    q = queue(channel_records(chosen, chosen.local, cfg, start), start, cfg.history_s)
+    aligned = align(chosen.local, q, chosen.spread)
+    if aligned is None:
+        return None
+    collector = Collector(chosen.local, start)
+    forward(chosen.local, aligned, q, collector, cfg, progress, "local estimate")
+    return collector
+
+
+def tracks(chosen: Plan, start: int) -> dict[str, Trajectory]:
+    """What each source alone says about the path, in the site frame (odometry: from its own origin)."""
+    out: dict[str, Trajectory] = {}
+    for s in chosen.log:
+        good = chosen.verdicts[s.name] == Verdict.USED
+        part = s.select(good)
+        if len(part) < 2:
+            continue
+        if s.kind is Kind.GNSS:
+            p = site_position(part, chosen.datum)
+        elif s.kind in (Kind.POSITION, Kind.POSE, Kind.ODOMETRY_POSE, Kind.ESTIMATE):
+            p = part.z[:, :3]
+        else:
+            continue
+        out[s.name] = track(part, np.where(np.isfinite(p), p, 0.0), chosen.datum)
+    return out
+
+
+def track(s: Stream, p: Floats, datum: Datum | None) -> Trajectory:
+    """A stream of positions as a trajectory; records that step back in time are left out."""
+    newest = np.maximum.accumulate(s.t)
+    keep = np.concatenate([[True], s.t[1:] > newest[:-1]])
+    q = s.z[:, 3:7] if s.z.shape[1] >= 7 else np.full((len(s), 4), np.nan)
+    q = np.where(np.abs(np.linalg.norm(q, axis=1, keepdims=True) - 1) < 0.1, q, np.nan)
+    return Trajectory(t=s.t[keep], p=p[keep].copy(), q=q[keep].copy(), datum=datum, name=s.name)
+
+
+def log_notes(log: EventLog) -> list[Finding]:
+    """What the reader had to say."""
+    return [Finding(severity="info", code="reader", text=note) for note in log.notes]
+
+
+def outcome(run: Run, findings: tuple[Finding, ...], aligned: Alignment, chosen: Plan) -> Outcome:
+    """How it ended."""
+    if not len(run.fused.pose) or not any(a.used for a in run.accounts):
+        return Outcome.NO_DATA
+    if any(f.code == "diverged" for f in findings):
+        return Outcome.DIVERGED
+    if chosen.datum is not None and not aligned.heading_known and "heading-unobservable" in {f.code for f in findings}:
+        return Outcome.NEVER_ALIGNED
+    return Outcome.DEGRADED if any(f.severity != "info" for f in findings) else Outcome.OK
+
+
+def versions() -> dict[str, str]:
+    """Of everything that the numbers may depend on."""
+    out = {"outrider": __version__, "python": platform.python_version(), "machine": platform.machine()}
+    for name in ("numpy", "numba", "scipy", "pymap3d", "pygeomag", "rosbags", "pyulog", "pymavlink"):
+        try:
+            out[name] = version(name)
+        except PackageNotFoundError:
+            out[name] = "absent"
+    return out
+
+
+__all__ = ["Progress", "fuse"]

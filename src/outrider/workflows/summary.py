@@ -1,0 +1,138 @@
+"""A run in numbers: the document `outrider.run/1` that `--json` prints and the run's folder keeps."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from scipy.special import chdtri
+
+from outrider.data import Account, Estimates, Innovations, Outcome, Reset, Run, Verdict
+from outrider.errors import ExitCode
+from outrider.io.runs import SCHEMA
+from outrider.typing import Floats
+
+GOOD = (Outcome.OK, Outcome.DEGRADED)
+
+
+def summarise(run: Run) -> dict[str, Any]:
+    """Everything about a run but its time series. SI units; degrees where the key says so."""
+    return {
+        "schema": SCHEMA,
+        "outcome": {"code": run.outcome.name.lower(), "text": run.outcome.value},
+        "log": {"path": run.log_path, "sha256": run.log_sha256, "start_ns": run.start},
+        "robot": run.robot,
+        "seed": run.seed,
+        "versions": dict(run.versions),
+        "wall_s": run.wall_seconds,
+        "datum": _datum(run),
+        "figures": figures(run),
+        "withheld": {name: scores for name, i in run.innovations.items() if (scores := withheld(i))},
+        "accounts": [_account(a) for a in run.accounts],
+        "findings": [
+            {"severity": f.severity, "code": f.code, "source": f.source, "text": f.text, "fix": f.fix}
+            for f in run.findings
+        ],
+        "resets": [_reset(r, run.start) for r in run.resets],
+        "never_used": list(run.used_nothing_of),
+    }
+
+
+def exit_code(run: Run) -> ExitCode:
+    """Whether the job gave what was asked for: a valid end, and every source that was to be fused took part."""
+    return ExitCode.OK if run.outcome in GOOD and not run.used_nothing_of else ExitCode.FAILED_CHECK
+
+
+def figures(run: Run) -> dict[str, Any]:
+    """The key figures of the fused estimate; empty without one."""
+    fused = run.fused
+    if not len(fused.pose):
+        return {}
+    p, yaw = fused.pose.p, np.degrees(fused.pose.yaw)
+    lasted = float(fused.t[-1] - fused.t[0]) * 1e-9
+    return {
+        "estimates": int(fused.t.size),
+        "first_s": float(fused.t[0] - run.start) * 1e-9,
+        "duration_s": lasted,
+        "distance_m": _distance(p),
+        "end": {"east_m": p[-1, 0], "north_m": p[-1, 1], "up_m": p[-1, 2], "heading_deg": yaw[-1]},
+        "deviation": _deviation(fused),
+        "valid_share": dict(zip(("position", "velocity", "heading"), _shares(fused), strict=True)),
+        "times_real_time": lasted / run.wall_seconds if run.wall_seconds > 0 else None,
+    }
+
+
+def withheld(of: Innovations) -> dict[str, Any]:
+    """How the records fared that were withheld on request: distance to the estimate, and whether it knew as much.
+
+    rmse is over the first two columns of a position, over all columns otherwise, in the unit of the source.
+    """
+    rows = (of.verdict == Verdict.WITHHELD) & np.isfinite(of.nis)
+    if not rows.any():
+        return {}
+    columns = [k for k in range(len(of.columns)) if np.isfinite(of.y[rows, k]).any()]
+    flat = [k for k in columns if of.columns[k] in ("x", "y", "east", "north", "lat", "lon")] or columns
+    e = np.linalg.norm(np.nan_to_num(of.y[rows][:, flat]), axis=1)
+    nis, dof = of.nis[rows], np.maximum(of.dof[rows], 1)
+    return {
+        "records": int(rows.sum()),
+        "rmse": float(np.sqrt(np.mean(e * e))),
+        "median": float(np.median(e)),
+        "nis_per_dof": float(np.mean(nis / dof)),
+        "within_95": float(np.mean(nis <= chdtri(dof, 0.05))),
+    }
+
+
+def _distance(p: Floats) -> float:
+    known = p[np.isfinite(p).all(axis=1)]
+    return float(np.linalg.norm(np.diff(known, axis=0), axis=1).sum())
+
+
+def _deviation(fused: Estimates) -> dict[str, Any]:
+    """Horizontal (larger axis) and vertical standard deviation [m], heading [deg], at the end and in the median."""
+    P = fused.pose.P
+    if not len(P):
+        return {}
+    a, b, c = P[:, 0, 0], P[:, 0, 1], P[:, 1, 1]
+    series = {
+        "horizontal_m": np.sqrt(np.maximum((a + c) / 2 + np.hypot((a - c) / 2, b), 0.0)),
+        "up_m": np.sqrt(np.maximum(P[:, 2, 2], 0.0)),
+        "heading_deg": np.degrees(np.sqrt(np.maximum(P[:, 5, 5], 0.0))),
+    }
+    return {name: {"end": float(s[-1]), "median": float(np.nanmedian(s))} for name, s in series.items()}
+
+
+def _shares(fused: Estimates) -> list[float]:
+    return [float(np.mean(column != 0)) for column in fused.valid.T]
+
+
+def _datum(run: Run) -> dict[str, Any] | None:
+    if run.datum is None:
+        return None
+    lat, lon = np.degrees([run.datum.lat, run.datum.lon]).tolist()
+    return {"lat_deg": lat, "lon_deg": lon, "alt_m": run.datum.alt, "altitude": run.datum.altitude.lower()}
+
+
+def _account(a: Account) -> dict[str, Any]:
+    return {
+        "source": a.source,
+        "kind": a.kind,
+        "role": a.role,
+        "received": a.received,
+        "used": a.used,
+        "malformed": a.malformed,
+        "by_verdict": _counts(a.by_verdict),
+        "rate_hz": a.rate,
+        "first_s": a.first,
+        "last_s": a.last,
+        "nis_per_dof": a.nis,
+        "state": a.state.name.lower(),
+    }
+
+
+def _counts(by_verdict: Mapping[Verdict, int]) -> dict[str, int]:
+    return {Verdict(v).name.lower(): n for v, n in by_verdict.items() if n}
+
+
+def _reset(r: Reset, start: int) -> dict[str, Any]:
+    seconds = (r.t - start) * 1e-9
+    return {"t_s": seconds, "source": r.source, "state": r.state, "delta": r.delta.tolist(), "reason": r.reason}
