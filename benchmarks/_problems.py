@@ -85,6 +85,22 @@ def sense(x, beacon, out):
     out[6] = sqrt(a * a + b * b + c * c)
 
 
+@kernel
+def glide_all(X, dt, out):
+    """`glide` for all rows."""
+    for i in range(X.shape[0]):
+        glide(X[i], dt, out[i])
+
+
+@kernel
+def innovations(X, z, beacon, out):
+    """z - `sense` for all rows."""
+    for i in range(X.shape[0]):
+        sense(X[i], beacon, out[i])
+        for j in range(7):
+            out[i, j] = z[j] - out[i, j]
+
+
 def start(n):
     """(x, P, Q) of n states."""
     x = np.full(n, 0.05)

@@ -8,6 +8,8 @@ from benchmarks._problems import (
     DT,
     advance,
     glide,
+    glide_all,
+    innovations,
     measurements,
     selector,
     sense,
@@ -100,15 +102,11 @@ def our_ukf(events):
 
 
 def our_enkf(square_root):
-    """The public functions, with models of all members at once."""
+    """The public functions, with models of all members at once, compiled."""
 
-    def glide_all(X, dt):
-        v = X[:, 3:]
-        drag = 1.0 - 0.02 * np.sqrt(np.einsum("ij,ij->i", v, v)) * dt
+    def f(X, dt):
         out = np.empty_like(X)
-        np.multiply(v, dt, out=out[:, :3])
-        out[:, :3] += X[:, :3]
-        np.multiply(v, drag[:, None], out=out[:, 3:])
+        glide_all(X, dt, out)
         return out
 
     def run(events):
@@ -119,12 +117,10 @@ def our_enkf(square_root):
 
             def residual(X, z=z):
                 out = np.empty((X.shape[0], 7))
-                np.subtract(z[:6], X, out=out[:, :6])
-                d = X[:, :3] - BEACON
-                np.subtract(z[6], np.sqrt(np.einsum("ij,ij->i", d, d)), out=out[:, 6])
+                innovations(X, z, BEACON, out)
                 return out
 
-            belief = enkf.predict(belief, glide_all, DT, Q, rng)
+            belief = enkf.predict(belief, f, DT, Q, rng)
             if square_root:
                 belief = enkf.update_square_root(belief, residual, NOISE).belief
             else:

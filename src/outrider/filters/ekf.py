@@ -105,7 +105,7 @@ def joseph(P: Floats, H: Floats, r: Floats, m: int, w: Work) -> None:
     for i in range(n):
         for j in range(n):
             w.M[i, j] = P[i, j]
-    _subtract_product(w.M, w.HP, w.K, m)
+    add_product(-1.0, w.HP, w.K, m, w.M)
     for k in range(m):
         for j in range(width):
             w.HP[k, j] = -r[k] * w.K[k, j]
@@ -114,7 +114,7 @@ def joseph(P: Floats, H: Floats, r: Floats, m: int, w: Work) -> None:
             if h != 0.0:
                 for j in range(width):
                     w.HP[k, j] += h * w.M[i, j]
-    _subtract_product(w.M, w.K, w.HP, m)
+    add_product(-1.0, w.K, w.HP, m, w.M)
     for i in range(n):
         for j in range(i + 1):
             P[i, j] = w.M[i, j]
@@ -122,8 +122,8 @@ def joseph(P: Floats, H: Floats, r: Floats, m: int, w: Work) -> None:
 
 
 @kernel
-def _subtract_product(M: Floats, A: Floats, B: Floats, m: int) -> None:
-    """M <- M - A' B over the first m rows of A and B, three at a time (the rest are zeros).
+def add_product(sign: float, A: Floats, B: Floats, m: int, M: Floats) -> None:
+    """M <- M + sign A' B over the first m rows of A and B, three at a time: rows up to the next three must be zero.
 
     Unsigned indices spare the compiler its test for negative ones, a third of the time here.
     """
@@ -131,9 +131,9 @@ def _subtract_product(M: Floats, A: Floats, B: Floats, m: int) -> None:
     one, two, three = np.uint64(1), np.uint64(2), np.uint64(3)
     for i in range(n):
         for k in range(np.uint64(0), np.uint64(m), three):
-            a, b, c = A[k, i], A[k + one, i], A[k + two, i]
+            a, b, c = sign * A[k, i], sign * A[k + one, i], sign * A[k + two, i]
             for j in range(width):
-                M[i, j] -= a * B[k, j] + b * B[k + one, j] + c * B[k + two, j]
+                M[i, j] += a * B[k, j] + b * B[k + one, j] + c * B[k + two, j]
 
 
 @kernel

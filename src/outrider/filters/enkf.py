@@ -12,14 +12,12 @@ import numpy as np
 from numpy.random import Generator
 
 from outrider._kernel import kernel
-from outrider.core.angles import wrap
 from outrider.core.linalg import cholesky, solve_lower, solve_lower_rows, solve_upper_rows
-from outrider.core.manifold import rotate_right
 from outrider.data.belief import Ensemble, Gaussian
 from outrider.errors import ConfigError, DataError
 from outrider.filters.ekf import kept
-from outrider.filters.ukf import tangent_mean
-from outrider.typing import Floats, Ints
+from outrider.filters.ukf import perturb, tangent_mean
+from outrider.typing import Floats
 
 # ------------------------------------------------------------------------------------------------ kernels
 
@@ -58,21 +56,6 @@ def centre(Y: Floats, y: Floats) -> None:
     for i in range(members):
         for j in range(k):
             Y[i, j] -= y[j]
-
-
-@kernel
-def perturb(X: Floats, E: Floats, table: Ints) -> None:
-    """X[i] <- X[i] [+] E[i] for all members, block by block: `retract` with the loops changed round."""
-    for b in range(table.shape[0]):
-        code, i0, k0, size = table[b, 0], table[b, 1], table[b, 2], table[b, 3]
-        for i in range(X.shape[0]):
-            if code == 0:
-                for j in range(size):
-                    X[i, i0 + j] += E[i, k0 + j]
-            elif code == 1:
-                X[i, i0] = wrap(X[i, i0] + E[i, k0])
-            else:
-                rotate_right(X[i], i0, E[i, k0], E[i, k0 + 1], E[i, k0 + 2])
 
 
 @kernel
@@ -215,8 +198,9 @@ def _analyse(belief: Ensemble, residual: Callable[[Floats], Floats], R: Floats) 
     members, m = Y.shape
     y = np.zeros(m)
     centre(Y, y)
-    S = Y.T @ Y / (members - 1) + noise
-    K = Y.T @ E / (1.0 - members)
+    share = Y.T / (members - 1)
+    S = share @ Y + noise
+    K = -(share @ E)
     nis = gain(S, K, y, np.zeros((m, m)), np.zeros(m))
     if not np.isfinite(nis):
         raise DataError("the innovation covariance is not positive definite", fix="check R and the members for NaN")

@@ -13,18 +13,22 @@ from typing import NamedTuple, final
 import numpy as np
 
 from outrider._kernel import kernel
+from outrider.core.angles import wrap
 from outrider.core.linalg import cholesky, solve_lower, solve_lower_rows, solve_upper_rows
-from outrider.core.manifold import local, retract
+from outrider.core.manifold import local, retract, rotate_right
 from outrider.data.belief import Gaussian
 from outrider.errors import ConfigError, DataError
-from outrider.filters.ekf import Updated, kept, transport
+from outrider.filters.ekf import Updated, add_product, kept, transport
 from outrider.typing import Floats, Ints
 
 # ------------------------------------------------------------------------------------------------ kernels
 
 
 class Work(NamedTuple):
-    """Scratch of one filter with p = 2 n + 1 sigma points: X[0] is the centre, then +, then -."""
+    """Scratch of one filter with p = 2 n + 1 sigma points: the first is the centre, then +, then -.
+
+    Where rows are summed over (all of p, and m in Yt and K) there are up to two more rows of zeros, see `add_product`.
+    """
 
     wm: Floats  # (p,)    weights of means
     wc: Floats  # (p,)    weights of covariances
@@ -32,6 +36,9 @@ class Work(NamedTuple):
     X: Floats  # (p, layout.size) sigma points
     E: Floats  # (p, n)   their tangent vectors at the mean
     Y: Floats  # (p, m)   innovations z [-] h(X), afterwards about their mean
+    Yt: Floats  # (m, p)  the same, transposed
+    WE: Floats  # (p, n)  weighted tangent vectors
+    WY: Floats  # (p, m)  weighted innovations
     L: Floats  # (n, n)
     dx: Floats  # (n,)
     y: Floats  # (m,)     mean innovation
@@ -39,6 +46,7 @@ class Work(NamedTuple):
     D: Floats  # (m, m)   chol S
     v: Floats  # (m,)
     K: Floats  # (m, n)   the gain, transposed
+    RK: Floats  # (m, n)  diag(r) K'
     J: Floats  # (3, 3)
 
 
@@ -73,9 +81,10 @@ CUBATURE = Spread()
 def workspace(size: int, n: int, m: int, spread: Spread = CUBATURE) -> Work:
     """Scratch for a state of `size` numbers with n errors, and at most m measurements."""
     wm, wc, gamma = spread.weights(n)
-    p = 2 * n + 1
-    shapes = ((p, size), (p, n), (p, m), (n, n), (n,), (m,), (m, m), (m, m), (m,), (m, n), (3, 3))
-    return Work(wm, wc, np.array([gamma]), *(np.zeros(shape) for shape in shapes))
+    points = 2 * n + 1
+    p, q = -(-points // 3) * 3, -(-m // 3) * 3
+    shapes = ((points, size), (p, n), (p, m), (q, points), (p, n), (p, m), (n, n), (n,), (m,), (m, m), (m, m), (m,))
+    return Work(wm, wc, np.array([gamma]), *(np.zeros(shape) for shape in (*shapes, (q, n), (q, n), (3, 3))))
 
 
 @kernel
@@ -84,20 +93,45 @@ def draw(x: Floats, P: Floats, table: Ints, w: Work) -> bool:
     n, gamma = P.shape[0], w.gamma[0]
     if not cholesky(P, n, w.L):
         return False
-    w.E[0] = 0.0
-    for k in range(n):
-        for j in range(k):
-            w.E[1 + k, j] = 0.0
-            w.E[1 + n + k, j] = 0.0
-        for j in range(k, n):
-            e = gamma * w.L[j, k]
+    for j in range(n):
+        w.E[0, j] = 0.0
+        for k in range(n):
+            e = gamma * w.L[j, k] if k <= j else 0.0
             w.E[1 + k, j] = e
             w.E[1 + n + k, j] = -e
-    for i in range(2 * n + 1):
+    for i in range(w.X.shape[0]):
         for j in range(x.size):
             w.X[i, j] = x[j]
-        retract(w.X[i], w.E[i], table)
+    perturb(w.X, w.E, table)
     return True
+
+
+@kernel
+def perturb(X: Floats, E: Floats, table: Ints) -> None:
+    """X[i] <- X[i] [+] E[i] for all members, block by block: `retract` with the loops changed round."""
+    for b in range(table.shape[0]):
+        code, i0, k0, size = table[b, 0], table[b, 1], table[b, 2], table[b, 3]
+        for i in range(X.shape[0]):
+            if code == 0:
+                for j in range(size):
+                    X[i, i0 + j] += E[i, k0 + j]
+            elif code == 1:
+                X[i, i0] = wrap(X[i, i0] + E[i, k0])
+            else:
+                rotate_right(X[i], i0, E[i, k0], E[i, k0 + 1], E[i, k0 + 2])
+
+
+@kernel
+def differences(X: Floats, x: Floats, table: Ints, E: Floats) -> None:
+    """E[i] <- X[i] [-] x for all members, block by block."""
+    for b in range(table.shape[0]):
+        code, i0, k0, size = table[b, 0], table[b, 1], table[b, 2], table[b, 3]
+        for i in range(X.shape[0]):
+            if code == 0:
+                for j in range(size):
+                    E[i, k0 + j] = X[i, i0 + j] - x[i0 + j]
+            else:
+                local(X[i], x, table[b : b + 1], E[i])
 
 
 @kernel
@@ -114,8 +148,8 @@ def tangent_mean(X: Floats, weights: Floats, table: Ints, x: Floats, E: Floats, 
     for _ in range(30):
         for j in range(dx.size):
             dx[j] = 0.0
+        differences(X, x, table, E)
         for i in range(X.shape[0]):
-            local(X[i], x, table, E[i])
             for j in range(dx.size):
                 dx[j] += weights[i] * E[i, j]
         retract(x, dx, table)
@@ -143,24 +177,22 @@ def recover(x: Floats, P: Floats, Q: Floats, table: Ints, w: Work) -> None:
     tangent_mean(w.X, w.wm, table, x, w.E, w.dx)
     n = P.shape[0]
     for i in range(n):
-        for j in range(i + 1):
+        for j in range(n):
             P[i, j] = Q[i, j]
-    add_squares(w.E, w.wc, P)
+    _add_squares(P, w)
 
 
 @kernel
-def add_squares(E: Floats, weights: Floats, P: Floats) -> None:
-    """P <- P + sum_i w_i e_i e_i' (the lower triangle counts; both are written)."""
-    n = P.shape[0]
-    for i in range(E.shape[0]):
-        if weights[i] != 0.0:
-            for j in range(n):
-                c = weights[i] * E[i, j]
-                for k in range(j + 1):
-                    P[j, k] += c * E[i, k]
-    for j in range(n):
-        for k in range(j):
-            P[k, j] = P[j, k]
+def _add_squares(P: Floats, w: Work) -> None:
+    """P <- P + sum w e e', symmetric to the last bit."""
+    p, n = w.X.shape[0], P.shape[0]
+    for i in range(p):
+        for j in range(n):
+            w.WE[i, j] = w.wc[i] * w.E[i, j]
+    add_product(1.0, w.WE, w.E, p, P)
+    for i in range(n):
+        for j in range(i):
+            P[j, i] = P[i, j]
 
 
 @kernel
@@ -169,29 +201,27 @@ def innovate(r: Floats, m: int, w: Work) -> float:
 
     y = sum w Y,  C = - sum w e (Y - y)',  S = sum w (Y - y) (Y - y)' + diag(r),  K = C S^-1
     """
-    p, n = w.E.shape
+    p = w.X.shape[0]
     for k in range(m):
         w.y[k] = 0.0
-        for i in range(p):
+    for i in range(p):
+        for k in range(m):
             w.y[k] += w.wm[i] * w.Y[i, k]
-        for l in range(k):
-            w.S[k, l] = 0.0
-        w.S[k, k] = r[k]
-        for j in range(n):
-            w.K[k, j] = 0.0
     for i in range(p):
         for k in range(m):
             w.Y[i, k] -= w.y[k]
-            c = w.wc[i] * w.Y[i, k]
-            for l in range(k + 1):
-                w.S[k, l] += c * w.Y[i, l]
-            for j in range(n):
-                w.K[k, j] -= c * w.E[i, j]
+            w.Yt[k, i] = w.Y[i, k]
+            w.WY[i, k] = w.wc[i] * w.Y[i, k]
+    w.S[:, :] = 0.0
+    w.K[:, :] = 0.0
+    for k in range(m):
+        w.S[k, k] = r[k]
+        w.v[k] = w.y[k]
+    add_product(1.0, w.WY, w.Y, p, w.S)
+    add_product(-1.0, w.WY, w.E, p, w.K[:m])
     if not cholesky(w.S, m, w.D):
         return np.nan
     nis = 0.0
-    for k in range(m):
-        w.v[k] = w.y[k]
     solve_lower(w.D, m, w.v)
     for k in range(m):
         nis += w.v[k] * w.v[k]
@@ -206,24 +236,18 @@ def correct(x: Floats, P: Floats, r: Floats, m: int, keep: Floats, table: Ints, 
 
     x <- x [+] K y,  P <- sum w (e + K (Y - y)) (e + K (Y - y))' + K diag(r) K', a sum of squares for any gain.
     """
-    p, n = w.E.shape
+    p, n = w.X.shape[0], P.shape[0]
     for j in range(n):
         w.dx[j] = 0.0
-        for k in range(m):
+    for k in range(m):
+        for j in range(n):
             w.K[k, j] *= keep[j]
+            w.RK[k, j] = r[k] * w.K[k, j]
             w.dx[j] += w.K[k, j] * w.y[k]
-    for i in range(p):
-        for k in range(m):
-            c = w.Y[i, k]
-            for j in range(n):
-                w.E[i, j] += c * w.K[k, j]
-    for i in range(n):
-        for j in range(i + 1):
-            s = 0.0
-            for k in range(m):
-                s += w.K[k, i] * r[k] * w.K[k, j]
-            P[i, j] = s
-    add_squares(w.E, w.wc, P)
+    add_product(1.0, w.Yt, w.K, m, w.E[:p])
+    P[:, :] = 0.0
+    add_product(1.0, w.RK, w.K, m, P)
+    _add_squares(P, w)
     transport(P, w.dx, table, False, w.J)
     retract(x, w.dx, table)
 
