@@ -152,9 +152,9 @@ def site_position(s: Stream, datum: Datum | None) -> Floats:
 GNSS_FLOOR: Final = {
     Fix.FIXED: (0.02, 0.04),
     Fix.FLOAT: (0.4, 0.8),
-    Fix.DGNSS: (0.6, 1.2),
-    Fix.SBAS: (0.8, 1.6),
-    Fix.SINGLE: (1.0, 2.0),
+    Fix.DGNSS: (0.3, 0.6),
+    Fix.SBAS: (0.4, 0.8),
+    Fix.SINGLE: (0.5, 1.0),
     Fix.UNKNOWN: (0.02, 0.04),
 }
 GNSS_DEFAULT: Final = {

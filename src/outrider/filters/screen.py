@@ -3,8 +3,9 @@
 Works on whole streams and, through `Memory`, on pieces of them with the same result.
 """
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from typing import Final, final
+from typing import Final, TypeAlias, final
 
 import numpy as np
 
@@ -29,12 +30,34 @@ LIMITS: Final = {
     Kind.ATTITUDE: (2.0, 2.0, 2.0, 2.0),
 }
 # Kinds whose noise never repeats: the same bits for this long mean a frozen driver [s].
-FROZEN_AFTER: Final = {Kind.IMU: 0.5, Kind.MAG: 5.0, Kind.ATTITUDE: 2.0, Kind.GNSS: 10.0}
+# GNSS below the time that earns a reset, or the estimate would jump to where the receiver froze.
+FROZEN_AFTER: Final = {Kind.IMU: 0.5, Kind.MAG: 5.0, Kind.ATTITUDE: 2.0, Kind.GNSS: 2.5}
 FROZEN_RECORDS: Final = 5
 STALE_AFTER: Final = 5.0  # s between a fix and its arrival, beyond the stream's usual latency
 ABSURD_VARIANCE: Final = 1e30
 EARLIEST: Final = 1  # ns: a stamp of zero is no stamp
 CLOCK_JUMP: Final = 600.0  # s between a stamp and its arrival, beyond the stream's usual offset
+AHEAD: Final = 2.0  # s that a stamp may be too new by the same measure: more would make all other sources late
+
+
+Refuse: TypeAlias = Callable[[Bools, Verdict], None]
+
+MOVING_SPEED: Final = 0.3  # m/s
+MOVING_RATE: Final = 0.1  # rad/s
+
+
+def motion_stamps(streams: Iterable[Stream]) -> Ints:
+    """Sorted stamps [ns] at which a source felt motion: a speed or a turn rate above `MOVING_*`."""
+    found = [np.zeros(0, np.int64)]
+    for s in streams:
+        if s.kind is Kind.IMU:
+            moving = (np.abs(s.z[:, :3]) > MOVING_RATE).any(axis=1)
+        elif s.kind in (Kind.TWIST, Kind.WHEELS, Kind.GNSS_VELOCITY, Kind.BODY_VELOCITY):
+            moving = (np.abs(s.z[:, :2]) > MOVING_SPEED).any(axis=1)
+        else:
+            continue
+        found.append(s.t[moving])
+    return np.sort(np.concatenate(found))
 
 
 @final
@@ -49,8 +72,12 @@ class Memory:
     offset: float = float("nan")  # ns, usual arrival - stamp
 
 
-def screen(s: Stream, memory: Memory | None = None) -> Ints:
-    """(n,) a `Verdict` per record: USED for those that pass."""
+def screen(s: Stream, memory: Memory | None = None, motion: Ints | None = None) -> Ints:
+    """(n,) a `Verdict` per record: USED for those that pass.
+
+    motion : sorted stamps [ns] at which any source felt the robot move. A value that repeats while nothing moves is a
+    coarse sensor at rest, not a frozen one. Without it every stretch counts as motion.
+    """
     m = memory if memory is not None else Memory()
     n = len(s)
     verdict = np.full(n, int(Verdict.USED), np.int64)
@@ -64,7 +91,7 @@ def screen(s: Stream, memory: Memory | None = None) -> Ints:
     refuse(~np.isfinite(s.z).any(axis=1), Verdict.NOT_FINITE)
     refuse(np.isinf(s.z).any(axis=1), Verdict.NOT_FINITE)
     if s.kind is Kind.GNSS:
-        screen_fixes(s, refuse)
+        screen_fixes(s, m, refuse)
     if s.kind in LIMITS:
         limits = np.array(LIMITS[s.kind])
         refuse((np.abs(s.z) > (limits if limits.size == s.z.shape[1] else limits[0])).any(axis=1), Verdict.IMPLAUSIBLE)
@@ -78,23 +105,23 @@ def screen(s: Stream, memory: Memory | None = None) -> Ints:
     refuse(((s.var < 0.0) | (s.var > ABSURD_VARIANCE)).any(axis=1), Verdict.BAD_COVARIANCE)
     if "valid" in s.extra:
         refuse(s.extra["valid"] == 0.0, Verdict.DECLARED_INVALID)
-    repeats(s, m, refuse)
+    repeats(s, m, refuse, motion)
     return verdict
 
 
 def bad_stamps(s: Stream, m: Memory) -> Bools:
-    """Stamps of zero, before zero, or far off the stream's usual offset from the recorder's clock."""
+    """Stamps of zero, before zero, or too far off the stream's usual offset from the recorder's clock."""
     bad = s.t < EARLIEST
     good = ~bad
     if good.any():
         lag = (s.t_arrival - s.t).astype(np.float64)
         if not np.isfinite(m.offset):
             m.offset = float(np.median(lag[good]))
-        bad |= np.abs(lag - m.offset) > CLOCK_JUMP * 1e9
+        bad |= (lag - m.offset > CLOCK_JUMP * 1e9) | (m.offset - lag > AHEAD * 1e9)
     return bad
 
 
-def screen_fixes(s: Stream, refuse) -> None:  # type: ignore[no-untyped-def]
+def screen_fixes(s: Stream, m: Memory, refuse) -> None:  # type: ignore[no-untyped-def]
     """GNSS only: no fix, too few satellites, null or impossible positions, stale fixes."""
     lat, lon, alt = s.z.T
     if "fix" in s.extra:
@@ -105,12 +132,10 @@ def screen_fixes(s: Stream, refuse) -> None:  # type: ignore[no-untyped-def]
     refuse(np.isnan(lat) | np.isnan(lon), Verdict.NOT_FINITE)
     refuse((np.abs(lat) < 1e-7) & (np.abs(lon) < 1e-7), Verdict.NULL_POSITION)
     refuse((np.abs(lat) > np.pi / 2) | (np.abs(lon) > 2 * np.pi) | (np.abs(alt) > 1e5), Verdict.IMPLAUSIBLE)
-    lag = (s.t_arrival - s.t) * 1e-9
-    usual = float(np.median(lag))
-    refuse(lag - usual > STALE_AFTER, Verdict.STALE)
+    refuse((s.t_arrival - s.t) - m.offset > STALE_AFTER * 1e9, Verdict.STALE)
 
 
-def repeats(s: Stream, m: Memory, refuse) -> None:  # type: ignore[no-untyped-def]
+def repeats(s: Stream, m: Memory, refuse: Refuse, motion: Ints | None) -> None:
     """Records that repeat the one before: duplicates (same stamp) and frozen values (stamps go on)."""
     n = len(s)
     has_before = m.z.size == s.z.shape[1]
@@ -126,6 +151,9 @@ def repeats(s: Stream, m: Memory, refuse) -> None:  # type: ignore[no-untyped-de
     since = np.where(inside, s.t[first], m.since if has_before else s.t[0])
     count = np.where(inside, np.arange(n) - first, np.arange(n) + m.count) + 1
     if s.kind in FROZEN_AFTER:
-        refuse((s.t - since > FROZEN_AFTER[s.kind] * 1e9) & (count > FROZEN_RECORDS), Verdict.FROZEN)
+        frozen = (s.t - since > FROZEN_AFTER[s.kind] * 1e9) & (count > FROZEN_RECORDS)
+        if motion is not None:
+            frozen &= np.searchsorted(motion, s.t, side="right") > np.searchsorted(motion, since, side="right")
+        refuse(frozen, Verdict.FROZEN)
     m.z, m.t = s.z[-1].copy(), int(s.t[-1])
     m.since, m.count = int(since[-1]), int(count[-1])

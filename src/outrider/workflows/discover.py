@@ -14,9 +14,9 @@ from outrider.core.magnetism import declination
 from outrider.data import Datum, EventLog, Finding, Fix, Kind, Stream, Verdict
 from outrider.errors import ConfigError, DataError
 from outrider.filters.align import ABSOLUTE
-from outrider.filters.channels import Channel, default_sigma, gnss_variance
+from outrider.filters.channels import ABSURD, Channel, default_sigma, gnss_variance
 from outrider.filters.engine import Filter
-from outrider.filters.screen import screen
+from outrider.filters.screen import motion_stamps, screen
 from outrider.models.motion import LaggedFollower, Motion, OmnidirectionalBody, PlanarRobot, StrapdownIns
 from outrider.models.sensors import Mount, Sensor, WheelsDifferential, WheelsMecanum
 from outrider.models.sensors.layout import MOUNT, OWN
@@ -24,7 +24,8 @@ from outrider.typing import Floats, Ints
 from outrider.workflows.config import FuseConfig, MountSection, SourceSection
 
 WHEELED: Final = (Kind.TWIST, Kind.WHEELS, Kind.ACKERMANN)
-# How far a receiver may be off for minutes [m]: the slowly varying part of its error, by fix type.
+# The part of a receiver's error that stays for minutes: so many times what it states, by fix type [m] if it is silent.
+SLOW_FACTOR: Final = 2.0
 SLOW_ERROR: Final = {Fix.FIXED: 0.0, Fix.FLOAT: 0.4, Fix.DGNSS: 1.0, Fix.SBAS: 1.5, Fix.SINGLE: 2.0, Fix.UNKNOWN: 1.5}
 PRECISE: Final = 0.15  # m: an untyped fix that claims less is taken as fixed
 PLAIN_FIXES: Final = frozenset({Fix.UNKNOWN.value, Fix.SINGLE.value, Fix.SBAS.value, Fix.DGNSS.value, Fix.FLOAT.value})
@@ -133,7 +134,8 @@ def plan(log: EventLog, cfg: FuseConfig) -> Plan:
     """
     check_names(log, cfg)
     log = replace(log, streams={s.name: delayed(s, cfg) for s in log})
-    verdicts = {s.name: screen(s) for s in log}
+    moving = motion_stamps(log)
+    verdicts = {s.name: screen(s, motion=moving) for s in log}
     motion = choose_motion(log, cfg)
     d = _Draft(log, cfg, motion, find_datum(log, cfg, verdicts), verdicts)
     for s in sorted(log, key=lambda s: (s.kind is not Kind.IMU, s.name)):
@@ -431,7 +433,17 @@ def assemble(d: _Draft) -> Plan:
         spread |= {"range_bias": max(planar.range_bias, 1e-3)}
     elif d.motion is Motion.STRAPDOWN:
         g = gravity(d.datum.lat, d.datum.alt) if d.datum else 9.80665
-        ins = StrapdownIns(gnss_bias=slow, gnss_bias_up=1.5 * slow, gravity=g)
+        usual = StrapdownIns()
+        driver = next(d.log.streams[c.stream] for c in d.channels if c.sensor is None)
+        gyro, accel = sampling_noise(driver)
+        ins = replace(
+            usual,
+            gyro_noise=max(usual.gyro_noise, gyro),
+            accel_noise=max(usual.accel_noise, accel),
+            gnss_bias=slow,
+            gnss_bias_up=1.5 * slow,
+            gravity=g,
+        )
         theta, coasting = ins.theta(), replace(ins, gyro_noise=0.3, accel_noise=2.0).theta()
         spread |= {"gyro_bias": ins.initial_gyro_bias, "accel_bias": ins.initial_accel_bias, "baro_bias": 1000.0}
     elif d.motion is Motion.OMNIDIRECTIONAL:
@@ -458,6 +470,22 @@ def assemble(d: _Draft) -> Plan:
     )
 
 
+def sampling_noise(s: Stream) -> tuple[float, float]:
+    """White densities [rad/s, m/s^2 per sqrt(Hz)] of a sampled IMU: what one sample says little about the next.
+
+    Half the variance of successive differences holds noise, aliased vibration and motion between samples alike; over
+    one period it acts as a density of that deviation times sqrt(dt). A fast unit gets less than our default from it, a
+    log that keeps only every tenth sample far more.
+    """
+    dt = np.diff(s.t) * 1e-9
+    usual = (dt > 0) & (dt < 3 * np.median(dt)) & np.isfinite(s.z[1:]).all(axis=1) & np.isfinite(s.z[:-1]).all(axis=1)
+    if usual.sum() < 10:
+        return 0.0, 0.0
+    jump = np.diff(s.z, axis=0)[usual]
+    density = np.sqrt(0.5 * np.mean(jump**2, axis=0) * np.median(dt[usual]))
+    return float(density[:3].max()), float(density[3:].max())
+
+
 def slow_gnss_error(d: _Draft) -> float:
     """Standard deviation [m] of the slowly varying error, by the worst fix type that is more than a few records."""
     worst = 0.0
@@ -466,10 +494,20 @@ def slow_gnss_error(d: _Draft) -> float:
             continue
         s = d.log.streams[c.stream]
         fix = s.extra.get("fix", np.full(len(s), float(Fix.UNKNOWN.value)))
-        for kind, sigma in SLOW_ERROR.items():
-            if np.mean(fix == kind.value) > 0.02:
-                worst = max(worst, sigma)
+        claims = claimed_sigma(s)
+        for kind, silent in SLOW_ERROR.items():
+            here = fix == kind.value
+            if here.mean() > 0.02 and kind is not Fix.FIXED:
+                stated = claims[here & np.isfinite(claims)]
+                worst = max(worst, SLOW_FACTOR * float(np.median(stated)) if stated.size else silent)
     return worst
+
+
+def claimed_sigma(s: Stream) -> Floats:
+    """(n,) horizontal standard deviation [m] by the receiver itself, NaN where it states none."""
+    var = np.where((s.var[:, :2] > 0.0) & (s.var[:, :2] < ABSURD), s.var[:, :2], np.nan).mean(axis=1)
+    stated = np.where(s.extra["hacc"] > 0.0, s.extra["hacc"], np.nan) if "hacc" in s.extra else np.nan
+    return np.where(np.isfinite(var), np.sqrt(var), stated)
 
 
 def in_body_axes(c: Channel) -> Channel:
