@@ -46,6 +46,8 @@ def sandwich(P: Floats, F: Floats, Q: Floats, W: Floats) -> None:
         P[i, i] += Q[i, i]
         for j in range(i):
             mean = 0.5 * (P[i, j] + P[j, i]) + Q[i, j]
+            # A correlation that updates wear away ends as a denormal number, and those cost a hundred times more.
+            mean = mean if abs(mean) > 1e-60 else 0.0
             P[i, j] = mean
             P[j, i] = mean
 

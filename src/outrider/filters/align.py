@@ -18,7 +18,7 @@ from outrider.filters.engine import Events, Filter, Queue, Track, run_batch
 from outrider.filters.step import OUT_DOF, OUT_NIS, OUT_S, ROWS
 from outrider.models.motion import Motion
 from outrider.models.sensors import Sensor
-from outrider.typing import Floats
+from outrider.typing import Bools, Floats
 
 ABSOLUTE: Final = frozenset({Sensor.GNSS_POSITION, Sensor.POSITION, Sensor.POSE, Sensor.RANGE, Sensor.RANGE_BEARING})
 HEADINGS: Final = frozenset(
@@ -31,6 +31,8 @@ FINE_SPREAD: Final = 0.12  # rad
 ELSEWHERE: Final = 1.0  # rad: hypotheses further away than this must be beaten
 DECISIVE: Final = 12.0  # log-likelihood by which they must be beaten
 PREFIXES: Final = (5.0, 10.0, 20.0, 40.0, 80.0, 160.0, 320.0)  # s
+CHECKED: Final = 40.0  # s: how long motion may take to contradict a heading source
+HOPELESS: Final = 60.0  # log-likelihood behind the best at which a hypothesis is dropped
 CLIP: Final = 25.0  # NIS per degree of freedom at which one record's vote stops growing
 WINDOW: Final = 1.0  # s of inertial data for levelling
 UNKNOWN_HEADING: Final = 1.8  # rad: uniform over the circle
@@ -162,7 +164,7 @@ def find_heading(f: Filter, q: Queue, t_start: float, x: Floats, sd: Floats, loc
         if direct is not None:
             return direct
         return 0.0, 1e-3, "no absolute heading: the start looks along x by definition"
-    banked = heading_by_bank(f, q, t_start, x, sd)
+    banked = heading_by_bank(f, q, t_start, x, sd, CHECKED if direct is not None else PREFIXES[-1])
     if direct is None:
         return banked if banked is not None else (0.0, UNKNOWN_HEADING, "heading not observable from this data yet")
     if banked is None:
@@ -193,25 +195,35 @@ def heading_by_source(f: Filter, q: Queue, t_start: float, x: Floats) -> tuple[f
     return None
 
 
-def heading_by_bank(f: Filter, q: Queue, t_start: float, x: Floats, sd: Floats) -> tuple[float, float, str] | None:
+def heading_by_bank(
+    f: Filter, q: Queue, t_start: float, x: Floats, sd: Floats, longest: float
+) -> tuple[float, float, str] | None:
     """From the likelihood of the innovations under headings all round; None while nothing decides."""
-    blind = without_headings(f)
-    times = [(p.t - q.t0) * 1e-9 for p in q.parts]
-    end = max((float(t[-1]) for t in times if t.size), default=t_start)
+    blind, mute = without_headings(f), muted(f)
+    end = (q.t[-1] - q.t0) * 1e-9 if len(q) else t_start
     step = 2 * np.pi / HYPOTHESES
-    yaws = np.arange(HYPOTHESES) * step
-    for prefix in PREFIXES:
-        scores = np.array([likelihood(blind, q, t_start, x, sd, y, SPREAD, prefix) for y in yaws])
+    yaws, alive = np.arange(HYPOTHESES) * step, np.ones(HYPOTHESES, np.bool_)
+    for prefix in (p for p in PREFIXES if p <= longest):
+        part = window(q, t_start, prefix, mute)
+        scores = np.full(HYPOTHESES, -np.inf)
+        for i in np.flatnonzero(alive):
+            scores[i] = likelihood(blind, part, t_start, x, sd, yaws[i], SPREAD)
         best = int(np.argmax(scores))
         away = np.abs((yaws - yaws[best] + np.pi) % (2 * np.pi) - np.pi) > ELSEWHERE
         if scores[best] - scores[away].max() > DECISIVE:
             fine = yaws[best] + np.linspace(-step, step, FINE)
-            second = np.array([likelihood(blind, q, t_start, x, sd, y, FINE_SPREAD, prefix) for y in fine])
+            second = [likelihood(blind, part, t_start, x, sd, float(y), FINE_SPREAD) for y in fine]
             yaw = float(fine[int(np.argmax(second))])
             return yaw, 1.5 * FINE_SPREAD, f"heading from motion against position in the first {prefix:.0f} s"
+        alive = scores > scores[best] - HOPELESS
         if t_start + prefix > end:
             break
     return None
+
+
+def muted(f: Filter) -> Bools:
+    """(channels,) those that tell the heading directly, and so have no vote on it."""
+    return np.array([c.sensor in HEADINGS and c.sensor is not Sensor.POSE for c in f.channels])
 
 
 def without_headings(f: Filter) -> Filter:
@@ -223,36 +235,30 @@ def without_headings(f: Filter) -> Filter:
     return replace(f, channels=tuple(blind))
 
 
-def likelihood(
-    f: Filter, q: Queue, t_start: float, x: Floats, sd: Floats, yaw: float, spread: float, prefix: float
-) -> float:
-    """Log-likelihood (to a constant) of the first `prefix` seconds if the heading at t_start is `yaw`."""
+def likelihood(f: Filter, q: Queue, t_start: float, x: Floats, sd: Floats, yaw: float, spread: float) -> float:
+    """Log-likelihood (to a constant) of the queue's records if the heading at t_start is `yaw`."""
     x, sd = x.copy(), sd.copy()
     turn(f, x, yaw)
     sd[heading_row(f)] = spread
-    mute = np.array([c.sensor in HEADINGS and c.sensor is not Sensor.POSE for c in f.channels])
     total = 0.0
 
     def vote(_: int, ev: Events, out: Floats, __: Track) -> None:
         nonlocal total
-        fused = (out[:, OUT_DOF] > 0) & ~mute[ev.src]
-        nis = np.minimum(out[fused, OUT_NIS], CLIP * out[fused, OUT_DOF])
-        log_det = 2.0 * np.nansum(np.log(out[fused, OUT_S : OUT_S + ROWS]), axis=1)
+        fused = (out[:, OUT_DOF] > 0) & (ev.flag == Verdict.USED)
+        nis = np.fmin(out[fused, OUT_NIS], CLIP * out[fused, OUT_DOF])  # a refused record votes with the most
+        s = out[fused, OUT_S : OUT_S + ROWS]
+        log_det = 2.0 * np.log(np.where(s > 0.0, s, 1.0)).sum(axis=1)
         total -= 0.5 * float(np.sum(nis + log_det))
 
-    run_batch(f, Gaussian(x, np.diag(sd**2), f.layout), t_start, window(q, t_start, prefix, mute), vote, period=1e9)
+    run_batch(f, Gaussian(x, np.diag(sd**2), f.layout), t_start, q, vote, period=1e9)
     return total
 
 
-def window(q: Queue, t_start: float, prefix: float, mute: np.ndarray) -> Queue:
-    """The events of the first `prefix` seconds after t_start, without muted channels."""
-    first, last = q.t0 + int(t_start * 1e9), q.t0 + int((t_start + prefix) * 1e9)
-    t = np.zeros(len(q), np.int64)
-    for c, part in enumerate(q.parts):
-        here = q.src == c
-        t[here] = part.t[q.index[here]]
-    keep = (t >= first) & (t <= last) & ~mute[q.src]
-    return Queue(q.src[keep], q.index[keep], q.late[keep], q.parts, q.t0)
+def window(q: Queue, t_start: float, seconds: float, mute: Bools) -> Queue:
+    """The events of the first `seconds` after t_start, without muted channels."""
+    first, last = np.searchsorted(q.t, [q.t0 + int(t_start * 1e9), q.t0 + int((t_start + seconds) * 1e9)])
+    rows = first + np.flatnonzero(~mute[q.src[first:last]])
+    return Queue(q.t[rows], q.src[rows], q.index[rows], q.late[rows], q.parts, q.t0)
 
 
 __all__ = ["ABSOLUTE", "HEADINGS", "Alignment", "Motion", "align"]

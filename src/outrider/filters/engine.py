@@ -5,7 +5,7 @@
 back to the snapshot before it and replaying. Both end in the same bits.
 """
 
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple, final
@@ -98,8 +98,9 @@ class Track(NamedTuple):
 @final
 @dataclass(frozen=True, slots=True)
 class Queue:
-    """The order of events over all channels: src (n,), index (n,) into that channel's records, late (n,)."""
+    """Events over all channels in order: t (n,) ns, src (n,), index (n,) into that channel's records, late (n,)."""
 
+    t: Ints
     src: Ints
     index: Ints
     late: Ints
@@ -108,6 +109,15 @@ class Queue:
 
     def __len__(self) -> int:
         return int(self.src.size)
+
+    def whole_instants(self, last: int, stop: int) -> int:
+        """The least end >= last, at most `stop`, that parts no events of equal time."""
+        while 0 < last < stop and self._stamp(last) == self._stamp(last - 1):
+            last += 1
+        return last
+
+    def _stamp(self, i: int) -> int:
+        return int(self.parts[self.src[i]].t[self.index[i]])
 
     def events(self, first: int, last: int) -> Events:
         """Events first..last as arrays."""
@@ -136,11 +146,12 @@ def queue(parts: Sequence[Records], t0: int, history: float) -> Queue:
     arrival = np.concatenate([p.t_arrival for p in parts])
     usable = np.concatenate([p.flag for p in parts]) <= int(Verdict.WITHHELD)
     by_arrival = np.lexsort((index, src, t, arrival))
-    newest = np.maximum.accumulate(np.where(usable[by_arrival], t[by_arrival], np.iinfo(np.int64).min // 2))
+    seconds = (t[by_arrival] - t0) * 1e-9  # as `OnlineFilter` is told, so that both draw the line at the same bit
+    newest = np.maximum.accumulate(np.where(usable[by_arrival], seconds, -np.inf))
     late = np.zeros(t.size, np.int64)
-    late[by_arrival] = t[by_arrival] < newest - int(history * 1e9)
+    late[by_arrival] = seconds < newest - history
     order = np.lexsort((index, src, t))
-    return Queue(src[order], index[order], late[order], tuple(parts), t0)
+    return Queue(t[order], src[order], index[order], late[order], tuple(parts), t0)
 
 
 @kernel
@@ -229,8 +240,10 @@ def run_batch(
     ws = one.scratch(f.layout.size, f.layout.error_size)
     due = np.array([t_start])
     stop = len(q) if last is None else min(last, len(q))
-    for first in range(0, stop, piece):
-        ev = q.events(first, min(first + piece, stop))
+    end = 0
+    while end < stop:
+        first, end = end, q.whole_instants(min(end + piece, stop), stop)
+        ev = q.events(first, end)
         out = np.zeros((ev.t.size, OUT_SIZE))
         track = new_track(ev.t.size, f.layout)
         rows = run_events(model, sources, s, ev, ws, out, period, due, track)
@@ -251,6 +264,13 @@ class _Past:
     out: Floats
 
 
+def _row(values: Floats, filler: float) -> Floats:
+    """(ROWS,) a copy, filled up: the caller may use his array again."""
+    out = np.full(ROWS, filler)
+    out[: values.size] = values
+    return out
+
+
 @final
 class OnlineFilter:
     """The filter for live data: events one at a time, late ones put in their place while their history is kept."""
@@ -262,22 +282,24 @@ class OnlineFilter:
         self.state = one.state(prior.x, prior.P, t_start, len(f.channels))
         self._base = one.snapshot(self.state)
         self._past: list[_Past] = []
-        self._newest = t_start
+        self._newest = -np.inf
         self.late = 0
         self.rewinds = 0
 
     def process(self, t: float, src: int, z: Floats, r: Floats, *, flag: int = 0, order: int = 0) -> Floats:
         """Process one event; returns its outcome (OUT_SIZE,), see `filters.step`.
 
-        t : s;  src : channel;  z, r : (ROWS,) record and variances;  order : the record's number within its stream,
-        which breaks ties between equal stamps.
+        t : s;  src : channel;  z, r : record and variances, at most ROWS numbers each;  order : the record's number
+        within its stream, which breaks ties between equal stamps.
         """
+        if not np.isfinite(t):
+            flag = int(Verdict.BAD_STAMP)
         if flag <= int(Verdict.WITHHELD):
             if t < self._newest - self.filter.history:
                 self.late += 1
                 flag = _LATE
             self._newest = max(self._newest, t)
-        event = _Past((t, src, order), z, r, flag, self.state, np.zeros(OUT_SIZE))
+        event = _Past((t, src, order), _row(z, 0.0), _row(r, np.inf), flag, self.state, np.zeros(OUT_SIZE))
         at = bisect_right(self._past, event.key, key=lambda p: p.key)
         if flag > int(Verdict.WITHHELD) or at == len(self._past):
             self._apply(event)
@@ -317,7 +339,7 @@ class OnlineFilter:
 
     def _forget(self) -> None:
         horizon = self._newest - self.filter.history
-        drop = bisect_right(self._past, horizon, key=lambda p: p.key[0])
+        drop = bisect_left(self._past, horizon, key=lambda p: p.key[0])
         if drop:
             self._base = self._past[drop - 1].after
             del self._past[:drop]
