@@ -7,13 +7,13 @@ import numpy as np
 from benchmarks._problems import BEACON, DT, advance, glide, measurements, selector, sense, sightings, start, summary
 
 
-def filterpy_ekf(n, m):
-    """ExtendedKalmanFilter with the Jacobian and the state from the compiled model."""
+def filterpy_ekf(n, m, model=advance):
+    """ExtendedKalmanFilter with the state and its Jacobian from our model, compiled or not."""
     from filterpy.kalman import ExtendedKalmanFilter
 
     class Filter(ExtendedKalmanFilter):
         def predict_x(self, u=0):
-            advance(self.x, self.F)
+            model(self.x, self.F)
 
     def run(events):
         f = Filter(n, m)

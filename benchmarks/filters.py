@@ -11,6 +11,7 @@ from benchmarks._problems import (
     glide_all,
     innovations,
     measurements,
+    omnidirectional,
     selector,
     sense,
     sightings,
@@ -134,6 +135,9 @@ def our_enkf(square_root):
 def ekf_row(n, m, target=None, stonesoup=False):
     """The compiled loop beside the peers."""
     others = [Side("filterpy", peers.filterpy_ekf(n, m), 500)]
+    if n == 15:
+        plain = getattr(omnidirectional, "py_func", omnidirectional)
+        others.append(Side("filterpy, model in Python", peers.filterpy_ekf(n, m, plain), 500))
     if stonesoup:
         others.append(Side("stonesoup", peers.stonesoup_ekf(n, m), 40))
     return Row(f"EKF, {n} states, {m} measurements", Side("ours", our_ekf(n, m), 10_000), others, target)

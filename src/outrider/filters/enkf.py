@@ -166,7 +166,7 @@ def update_square_root(
     Parameters as `update`; states cannot be considered, because one root cannot serve two gains.
     """
     a = _analyse(belief, residual, R)
-    V = np.linalg.solve(np.linalg.cholesky(a.R), a.Y.T).T / np.sqrt(a.Y.shape[0] - 1)
+    V = a.Y @ (np.linalg.inv(np.linalg.cholesky(a.R)).T / np.sqrt(a.Y.shape[0] - 1))
     s, W = np.linalg.eigh(V.T @ V)
     s = np.maximum(s, 0.0)
     root = np.sqrt(1.0 + s)

@@ -27,7 +27,7 @@ from outrider.typing import Floats, Ints
 class Work(NamedTuple):
     """Scratch of one filter with p = 2 n + 1 sigma points: the first is the centre, then +, then -.
 
-    Where rows are summed over (all of p, and m in Yt and K) there are up to two more rows of zeros, see `add_product`.
+    Padded with zeros for `add_product`: rows to eights, and where they are summed over (p; m in Yt and K) to threes.
     """
 
     wm: Floats  # (p,)    weights of means
@@ -47,6 +47,7 @@ class Work(NamedTuple):
     v: Floats  # (m,)
     K: Floats  # (m, n)   the gain, transposed
     RK: Floats  # (m, n)  diag(r) K'
+    M: Floats  # (n, n)   covariance being summed
     J: Floats  # (3, 3)
 
 
@@ -83,8 +84,10 @@ def workspace(size: int, n: int, m: int, spread: Spread = CUBATURE) -> Work:
     wm, wc, gamma = spread.weights(n)
     points = 2 * n + 1
     p, q = -(-points // 3) * 3, -(-m // 3) * 3
-    shapes = ((points, size), (p, n), (p, m), (q, points), (p, n), (p, m), (n, n), (n,), (m,), (m, m), (m, m), (m,))
-    return Work(wm, wc, np.array([gamma]), *(np.zeros(shape) for shape in (*shapes, (q, n), (q, n), (3, 3))))
+    n8, m8 = -(-n // 8) * 8, -(-m // 8) * 8
+    sums = ((p, n8), (p, m8), (q, points), (p, n8), (p, m8))
+    small = ((n, n), (n,), (m,), (m, m8), (m, m), (m,), (q, n8), (q, n8), (n, n8), (3, 3))
+    return Work(wm, wc, np.array([gamma]), np.zeros((points, size)), *(np.zeros(shape) for shape in sums + small))
 
 
 @kernel
@@ -175,24 +178,24 @@ def _turn(dx: Floats, table: Ints) -> float:
 def recover(x: Floats, P: Floats, Q: Floats, table: Ints, w: Work) -> None:
     """x, P <- moments of the sigma points w.X after the process, and the noise Q that the process added."""
     tangent_mean(w.X, w.wm, table, x, w.E, w.dx)
-    n = P.shape[0]
-    for i in range(n):
-        for j in range(n):
-            P[i, j] = Q[i, j]
-    _add_squares(P, w)
+    for i in range(P.shape[0]):
+        for j in range(P.shape[0]):
+            w.M[i, j] = Q[i, j]
+    _finish(P, w)
 
 
 @kernel
-def _add_squares(P: Floats, w: Work) -> None:
-    """P <- P + sum w e e', symmetric to the last bit."""
+def _finish(P: Floats, w: Work) -> None:
+    """P <- M + sum w e e', symmetric to the last bit."""
     p, n = w.X.shape[0], P.shape[0]
     for i in range(p):
         for j in range(n):
             w.WE[i, j] = w.wc[i] * w.E[i, j]
-    add_product(1.0, w.WE, w.E, p, P)
+    add_product(1.0, w.WE, w.E, p, w.M)
     for i in range(n):
-        for j in range(i):
-            P[j, i] = P[i, j]
+        for j in range(i + 1):
+            P[i, j] = w.M[i, j]
+            P[j, i] = w.M[i, j]
 
 
 @kernel
@@ -245,9 +248,9 @@ def correct(x: Floats, P: Floats, r: Floats, m: int, keep: Floats, table: Ints, 
             w.RK[k, j] = r[k] * w.K[k, j]
             w.dx[j] += w.K[k, j] * w.y[k]
     add_product(1.0, w.Yt, w.K, m, w.E[:p])
-    P[:, :] = 0.0
-    add_product(1.0, w.RK, w.K, m, P)
-    _add_squares(P, w)
+    w.M[:, :] = 0.0
+    add_product(1.0, w.RK, w.K, m, w.M)
+    _finish(P, w)
     transport(P, w.dx, table, False, w.J)
     retract(x, w.dx, table)
 
@@ -291,8 +294,6 @@ def predict(
 ) -> Predicted:
     """The belief one process step later.
 
-    Parameters
-    ----------
     f : (x, dt) -> x after dt; need not return a normalised quaternion
     Q : (n, n) noise that the step adds to the error state
     """
@@ -328,12 +329,12 @@ def update(
     w = workspace(x.size, P.shape[0], m, spread)
     raised = _draw(x, P, layout.table, w)
     for i, point in enumerate(w.X.copy()):
-        w.Y[i] = np.linalg.solve(root, residual(point))  # whitened: unit variances
+        w.Y[i, :m] = np.linalg.solve(root, residual(point))  # whitened: unit variances
     r = np.ones(m)
     nis = innovate(r, m, w)
     if not np.isfinite(nis):
         raise DataError("the innovation covariance is not positive definite", fix="check P and R for negative or NaN")
-    S = np.tril(w.S) + np.tril(w.S, -1).T
+    S = w.S[:, :m].copy()
     correct(x, P, r, m, kept(layout, consider), layout.table, w)
     return Updated(Gaussian(x, P, layout), root @ S @ root.T, nis, raised)
 
