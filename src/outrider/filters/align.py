@@ -5,6 +5,7 @@ filter is run over a growing prefix of the log from headings all round, and the 
 taken once it beats everything that points elsewhere. It works from standstill and in motion.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Final, final
 
@@ -25,11 +26,11 @@ HEADINGS: Final = frozenset(
     {Sensor.HEADING, Sensor.MAG_HEADING, Sensor.YAW_OF_ATTITUDE, Sensor.ATTITUDE, Sensor.POSE, Sensor.MAG_VECTOR}
 )
 HYPOTHESES: Final = 16
-SPREAD: Final = 0.35  # rad, standard deviation of one hypothesis
+SPREAD: Final = 0.2  # rad, standard deviation of one hypothesis
 FINE: Final = 9  # hypotheses of the second round, across +- one step of the first
 FINE_SPREAD: Final = 0.12  # rad
 ELSEWHERE: Final = 1.0  # rad: hypotheses further away than this must be beaten
-DECISIVE: Final = 12.0  # log-likelihood by which they must be beaten
+DECISIVE: Final = 8.0  # log-likelihood by which they must be beaten
 PREFIXES: Final = (5.0, 10.0, 20.0, 40.0, 80.0, 160.0, 320.0)  # s
 CHECKED: Final = 40.0  # s: how long motion may take to contradict a heading source
 HOPELESS: Final = 60.0  # log-likelihood behind the best at which a hypothesis is dropped
@@ -49,7 +50,7 @@ class Alignment:
     heading_known: bool
 
 
-def align(f: Filter, q: Queue, spread: dict[str, float]) -> Alignment | None:
+def align(f: Filter, q: Queue, spread: Mapping[str, float]) -> Alignment | None:
     """The prior for a filter from its own data; None when no usable record exists.
 
     spread : initial standard deviations of blocks that the first records do not tell, by block name

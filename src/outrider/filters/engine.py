@@ -32,7 +32,7 @@ _LATE: Final = int(Verdict.LATE)
 # Limits that every process model shares, see `Model.limits`.
 LONGEST_STEP: Final = 0.1  # s
 INPUT_HOLD: Final = 0.5  # s an inertial record is believed to go on
-RESET_TIME: Final = 3.0  # s of steady disagreement before a reset is considered
+RESET_TIME: Final = 10.0  # s of steady disagreement before a reset is considered: a jump by reflections is shorter
 RESET_RECORDS: Final = 5
 TOP_SPEED: Final = 40.0  # m/s
 RESET_MARGIN: Final = 50.0  # m
