@@ -27,8 +27,8 @@ class Channel:
     sensor : `Sensor` code, or None when the stream drives the prediction;  theta : (THETA_SIZE,);  sigma : (m,) where a
     record states none;  floor : (m,) smallest standard deviation believed;  rows : (m,) which rows are used;
     fixes : GNSS fix codes it takes, empty for all;  beacon : the one it ranges to;  still : only records at
-    standstill;  trust_stated : whether stated variances are used;  reset : first error row that
-    a reset may move, and how many.
+    standstill;  trust_stated : whether stated variances are used;  scale : multiplies every standard deviation;
+    reset : first error row that a reset may move, and how many.
     """
 
     name: str
@@ -45,6 +45,7 @@ class Channel:
     beacon: float | None = None
     still: bool = False
     trust_stated: bool = True
+    scale: float = 1.0
     mount: Floats = field(default_factory=lambda: np.eye(3).ravel())
     """(9,) rotation into body axes that an IMU's records go through here; theta then holds none."""
 
@@ -90,7 +91,7 @@ def records(channel: Channel, stream: Stream, verdict: Ints, datum: Datum | None
     var[:, :width] = np.where(np.isfinite(stated) & (stated > 0.0), stated, channel.sigma**2)
     if not channel.trust_stated:
         var[:, :width] = channel.sigma**2
-    var[:, :width] = np.maximum(var[:, :width], channel.floor**2)
+    var[:, :width] = np.maximum(var[:, :width], channel.floor**2) * channel.scale**2
     var[:, :width][:, ~channel.rows] = np.inf
     out = np.zeros((row.size, ROWS))
     out[:, : z.shape[1]] = z

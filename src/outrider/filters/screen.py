@@ -40,7 +40,7 @@ CLOCK_JUMP: Final = 600.0  # s between a stamp and its arrival, beyond the strea
 AHEAD: Final = 2.0  # s that a stamp may be too new by the same measure: more would make all other sources late
 
 
-Refuse: TypeAlias = Callable[[Bools, Verdict], None]
+Refuse: TypeAlias = Callable[[Bools | np.bool_, Verdict], None]
 
 MOVING_SPEED: Final = 0.3  # m/s
 MOVING_RATE: Final = 0.1  # rad/s
@@ -84,13 +84,13 @@ def screen(s: Stream, memory: Memory | None = None, motion: Ints | None = None) 
     if n == 0:
         return verdict
 
-    def refuse(rows: Bools, reason: Verdict) -> None:
+    def refuse(rows: Bools | np.bool_, reason: Verdict) -> None:
         verdict[rows & (verdict == Verdict.USED)] = int(reason)
 
     refuse(bad_stamps(s, m), Verdict.BAD_STAMP)
     refuse(~np.isfinite(s.z).any(axis=1), Verdict.NOT_FINITE)
     refuse(np.isinf(s.z).any(axis=1), Verdict.NOT_FINITE)
-    if s.kind is Kind.GNSS:
+    if s.kind in (Kind.GNSS, Kind.GNSS_VELOCITY):
         screen_fixes(s, m, refuse)
     if s.kind in LIMITS:
         limits = np.array(LIMITS[s.kind])
@@ -100,7 +100,7 @@ def screen(s: Stream, memory: Memory | None = None, motion: Ints | None = None) 
     if s.kind is Kind.RANGE_FINDER:
         refuse(s.z[:, 0] <= 0.0, Verdict.IMPLAUSIBLE)
     if s.kind in (Kind.ATTITUDE, Kind.POSE):
-        norm = np.linalg.norm(s.z[:, -4:], axis=1)
+        norm = np.linalg.norm(np.clip(s.z[:, -4:], -9.0, 9.0), axis=1)
         refuse(~(np.abs(norm - 1.0) < 0.1), Verdict.IMPLAUSIBLE)
     refuse(((s.var < 0.0) | (s.var > ABSURD_VARIANCE)).any(axis=1), Verdict.BAD_COVARIANCE)
     if "valid" in s.extra:
@@ -121,14 +121,16 @@ def bad_stamps(s: Stream, m: Memory) -> Bools:
     return bad
 
 
-def screen_fixes(s: Stream, m: Memory, refuse) -> None:  # type: ignore[no-untyped-def]
-    """GNSS only: no fix, too few satellites, null or impossible positions, stale fixes."""
-    lat, lon, alt = s.z.T
+def screen_fixes(s: Stream, m: Memory, refuse: Refuse) -> None:
+    """No fix, too few satellites, null or impossible positions, stale fixes."""
     if "fix" in s.extra:
         refuse(s.extra["fix"] == Fix.NONE.value, Verdict.NO_FIX)
     if "satellites" in s.extra:
         few = s.extra["satellites"]
         refuse((few >= 0) & (few < 4), Verdict.FEW_SATELLITES)
+    if s.kind is not Kind.GNSS:
+        return
+    lat, lon, alt = s.z.T
     refuse(np.isnan(lat) | np.isnan(lon), Verdict.NOT_FINITE)
     refuse((np.abs(lat) < 1e-7) & (np.abs(lon) < 1e-7), Verdict.NULL_POSITION)
     refuse((np.abs(lat) > np.pi / 2) | (np.abs(lon) > 2 * np.pi) | (np.abs(alt) > 1e5), Verdict.IMPLAUSIBLE)

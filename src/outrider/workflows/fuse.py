@@ -22,6 +22,7 @@ from outrider.data import (
     Trajectory,
     Verdict,
     empty_estimates,
+    stream,
 )
 from outrider.errors import DataError
 from outrider.filters.align import Alignment, align
@@ -62,7 +63,7 @@ def fuse(log: EventLog, config: FuseConfig | None = None, *, progress: Progress 
     whole = Collector(chosen.whole, start)
     forward(chosen.whole, aligned, q, whole, cfg, progress, "fusing")
     local = run_local(chosen, cfg, start, progress)
-    estimates = whole.estimates()
+    estimates = whole.estimates(chosen.datum)
     run = Run(
         log_path=log.path,
         log_sha256=log.sha256,
@@ -77,17 +78,8 @@ def fuse(log: EventLog, config: FuseConfig | None = None, *, progress: Progress 
         innovations=whole.innovations(),
         accounts=accounts(chosen.whole, whole, q.parts, chosen.log.streams, chosen.roles),
         findings=(),
-        resets=tuple(
-            Reset(
-                t=start + round(t * 1e9),
-                source=chosen.whole.channels[c].name,
-                state="position",
-                delta=delta,
-                reason="it disagreed steadily and nothing else contradicted it",
-            )
-            for t, c, delta in whole.resets
-        ),  # fmt: skip
-        tracks=tracks(chosen, start),
+        resets=deliberate_jumps(whole, chosen.whole, start),
+        tracks=tracks(chosen),
         health={
             c.name: np.array(t.states).reshape(-1, 2)
             for c, t in zip(chosen.whole.channels, whole.tallies, strict=True)
@@ -170,31 +162,50 @@ def run_local(chosen: Plan, cfg: FuseConfig, start: int, progress: Progress | No
     return collector
 
 
-def tracks(chosen: Plan, start: int) -> dict[str, Trajectory]:
+def deliberate_jumps(whole: Collector, f: Filter, start: int) -> tuple[Reset, ...]:
+    """What the collector saw of resets, with their reason."""
+    why = "it disagreed steadily and nothing else contradicted it"
+    return tuple(
+        Reset(t=start + round(t * 1e9), source=f.channels[c].name, state="position", delta=delta, reason=why)
+        for t, c, delta in whole.resets
+    )
+
+
+def tracks(chosen: Plan) -> dict[str, Trajectory]:
     """What each source alone says about the path, in the site frame (odometry: from its own origin)."""
     out: dict[str, Trajectory] = {}
     for s in chosen.log:
-        good = chosen.verdicts[s.name] == Verdict.USED
-        part = s.select(good)
-        if len(part) < 2:
-            continue
-        if s.kind is Kind.GNSS:
-            p = site_position(part, chosen.datum)
-        elif s.kind in (Kind.POSITION, Kind.POSE, Kind.ODOMETRY_POSE, Kind.ESTIMATE):
-            p = part.z[:, :3]
-        else:
-            continue
-        out[s.name] = track(part, np.where(np.isfinite(p), p, 0.0), chosen.datum)
+        part = s.select(chosen.verdicts[s.name] == Verdict.USED)
+        if s.kind in (Kind.GNSS, Kind.POSITION, Kind.POSE, Kind.ODOMETRY_POSE, Kind.ESTIMATE) and len(part) > 1:
+            path = track(part, places(part, chosen.datum), chosen.datum)
+            if len(path) > 1:
+                out[s.name] = path
     return out
 
 
+def places(s: Stream, datum: Datum | None) -> Floats:
+    """(n, 3) positions in the site frame [m], NaN where there is none."""
+    if s.kind is Kind.GNSS:
+        return site_position(s, datum)
+    if datum is None or "lat" not in s.extra:
+        return s.z[:, :3]
+    lat, lon, alt = s.extra["lat"], s.extra["lon"], s.extra.get("alt", np.full(len(s), np.nan))
+    null = (lat == 0.0) & (lon == 0.0)
+    z = np.column_stack([np.where(null, np.nan, lat), lon, alt])
+    return site_position(stream(s.name, Kind.GNSS, s.t, z), datum)
+
+
 def track(s: Stream, p: Floats, datum: Datum | None) -> Trajectory:
-    """A stream of positions as a trajectory; records that step back in time are left out."""
+    """A stream of positions as a trajectory; records that step back in time or have no place are left out."""
+    placed = np.flatnonzero(np.isfinite(p[:, :2]).all(axis=1))
+    s, p = s.select(placed), p[placed]
     newest = np.maximum.accumulate(s.t)
-    keep = np.concatenate([[True], s.t[1:] > newest[:-1]])
+    keep = np.concatenate([[True], s.t[1:] > newest[:-1]])[: len(s)]
     q = s.z[:, 3:7] if s.z.shape[1] >= 7 else np.full((len(s), 4), np.nan)
     q = np.where(np.abs(np.linalg.norm(q, axis=1, keepdims=True) - 1) < 0.1, q, np.nan)
-    return Trajectory(t=s.t[keep], p=p[keep].copy(), q=q[keep].copy(), datum=datum, name=s.name)
+    valid = s.extra["valid"][keep] > 0 if "valid" in s.extra else np.zeros(0, np.bool_)
+    p = np.where(np.isfinite(p), p, 0.0)[keep]  # a position without a height lies on the datum's
+    return Trajectory(t=s.t[keep], p=p, q=q[keep], valid=valid, datum=datum, name=s.name)
 
 
 def log_notes(log: EventLog) -> list[Finding]:

@@ -1,0 +1,30 @@
+"""What the run says about the data: plain statements, each with a cause and a remedy.
+
+One function per question; each looks at a finished run, the plan and the alignment it came from, and returns findings.
+"""
+
+from typing import Final
+
+from outrider.data import Finding, Run
+from outrider.filters.align import Alignment
+from outrider.workflows.draft import Plan
+from outrider.workflows.findings.agreement import confidence, heading_conflicts, outages, refusals, silence
+from outrider.workflows.findings.records import clocks, gravity_and_mounts, unit_of_force, unit_of_rates, unstated_noise
+from outrider.workflows.findings.result import alignment, divergence, preset, resets, wheel_scale
+
+QUESTIONS: Final = (
+    alignment, preset, heading_conflicts, gravity_and_mounts, unit_of_force, unit_of_rates, silence, outages,
+    confidence, wheel_scale, resets, refusals, unstated_noise, clocks, divergence,
+)  # fmt: skip
+ORDER: Final = {"error": 0, "warning": 1, "info": 2}
+
+
+def judge(run: Run, chosen: Plan, aligned: Alignment) -> tuple[Finding, ...]:
+    """All findings, worst first."""
+    found = list(chosen.findings)
+    for question in QUESTIONS:
+        found += question(run, chosen, aligned)
+    return tuple(sorted(found, key=lambda f: ORDER[f.severity]))
+
+
+__all__ = ["judge"]

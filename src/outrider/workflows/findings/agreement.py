@@ -1,0 +1,154 @@
+"""How the sources got on with the estimate: who fell silent, was refused, disagreed, or is too sure of itself."""
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from outrider.data import Account, Finding, Innovations, Run, SensorState, Verdict
+from outrider.filters.align import HEADINGS, Alignment
+from outrider.filters.channels import Channel
+from outrider.models.sensors import Sensor
+from outrider.typing import Floats
+from outrider.workflows.draft import Plan
+from outrider.workflows.findings.say import any_absolute, error, info, warning
+
+CONFLICT: Final = np.radians(10.0)  # mean difference of headings worth a line
+SCATTER: Final = np.radians(20.0)  # scatter of the same
+GAP: Final = 3.0  # s without a usable record that is worth a line
+OVERCONFIDENT: Final = 3.0  # median NIS per degree of freedom
+HALF: Final = 0.5  # about what it is for a source whose noise is as stated
+REFUSED: Final = 0.02  # share of refused records that is worth a line
+ENOUGH: Final = 10  # records that a mean is worth something
+NEVER_FUSED: Final = (Sensor.POSE, Sensor.ATTITUDE, Sensor.MAG_VECTOR)  # no single angle to compare
+ORDINARY: Final = frozenset({
+    Verdict.USED, Verdict.INPUT, Verdict.RESET, Verdict.WITHHELD, Verdict.NOT_OBSERVING, Verdict.NOT_ALIGNED
+})  # fmt: skip
+
+
+def heading_conflicts(run: Run, chosen: Plan, aligned: Alignment) -> list[Finding]:
+    """Headings that are not the heading of motion."""
+    if not len(run.fused.t) or not run.fused.valid[:, 2].any() or not any_absolute(chosen):
+        return []
+    out: list[Finding] = []
+    for channel in chosen.whole.channels:
+        if channel.sensor not in HEADINGS or channel.sensor in NEVER_FUSED or channel.name not in run.innovations:
+            continue
+        y, yaw = heading_differences(run, run.innovations[channel.name])
+        if y.size < ENOUGH:
+            continue
+        mean, spread = circular(y)
+        if abs(mean) < CONFLICT and spread < SCATTER:
+            continue
+        text = f"heading conflict: {channel.name} differs from the heading of motion by {np.degrees(mean):+.0f} deg "
+        text += f"(spread {np.degrees(spread):.0f} deg)" + convention(mean, y, yaw, spread)
+        text += "; it is not fused" if channel.scored else "; it is fused, behind its gate"
+        fix = "metal nearby or a wrong reference does this to a magnetic heading; calibrate it, or leave it scored"
+        out.append(warning("heading-conflict", text, channel.stream, fix))
+    return out
+
+
+def heading_differences(run: Run, innovations: Innovations) -> tuple[Floats, Floats]:
+    """Claimed minus estimated heading and the estimated one [rad], wherever the latter is valid."""
+    at = np.clip(np.searchsorted(run.fused.t, innovations.t), 0, run.fused.t.size - 1)
+    keep = (run.fused.valid[at, 2] > 0) & np.isfinite(innovations.y[:, 0])
+    return innovations.y[keep, 0], run.fused.pose.yaw[at[keep]]
+
+
+def circular(angles: Floats) -> tuple[float, float]:
+    """Mean and standard deviation on the circle [rad]."""
+    phasor = np.exp(1j * angles).mean()
+    return float(np.angle(phasor)), float(np.sqrt(max(-2 * np.log(max(abs(phasor), 1e-12)), 0.0)))
+
+
+def convention(mean: float, y: Floats, yaw: Floats, spread: float) -> str:
+    """What another zero or another sense of rotation would explain."""
+    offset, mirrored = circular(y + 2 * yaw)
+    if mirrored < 0.5 * spread and spread > SCATTER:
+        return f", as if it turned clockwise, with its zero {np.degrees(offset):+.0f} deg from east"
+    quarters = round(mean / (np.pi / 2))
+    if quarters == 0:
+        return ""
+    left = f"{np.degrees(mean - quarters * np.pi / 2):+.0f} deg would remain"
+    return (
+        f"; {left} if its zero were north instead of east" if quarters == -1 else f"; {left} without {90 * quarters:+d}"
+    )
+
+
+def silence(run: Run, chosen: Plan, aligned: Alignment) -> list[Finding]:
+    """Sources that were meant to be fused and contributed nothing, and those that fell silent."""
+    out: list[Finding] = []
+    end = (run.fused.t[-1] - run.start) * 1e-9 if len(run.fused.t) else 0.0
+    for name, members in by_stream(run, chosen):
+        accounts = [a for c, a in members if a.role.startswith("fused") and not c.still]
+        if accounts and all(a.source in run.used_nothing_of for a in accounts):
+            text = f"{name} was to be fused and contributed nothing"
+            out.append(error("never-used", text, name, "its row in the source table has the reason"))
+        last = max((a.last for a in accounts if a.used), default=np.nan)
+        rate = accounts[0].rate if accounts else np.nan
+        if np.isfinite(last) and np.isfinite(rate) and end - last > max(GAP, 20 / rate):
+            text = f"{name} fell silent at t = {last:.1f} s, {end - last:.0f} s before the end"
+            out.append(warning("silent", text, name))
+    return out
+
+
+def by_stream(run: Run, chosen: Plan) -> Iterator[tuple[str, list[tuple[Channel, Account]]]]:
+    """Channels of each stream with their accounts."""
+    pairs = list(zip(chosen.whole.channels, run.accounts, strict=False))  # the accounts of channels come first
+    for name in dict.fromkeys(c.stream for c, _ in pairs):
+        yield name, [(c, a) for c, a in pairs if c.stream == name]
+
+
+def outages(run: Run, chosen: Plan, aligned: Alignment) -> list[Finding]:
+    """Stretches in which a source of position gave none that was fused."""
+    out: list[Finding] = []
+    for name, members in by_stream(run, chosen):
+        positions = [run.innovations[c.name] for c, a in members if c.reset[1] and c.name in run.innovations and a.used]
+        if not positions:
+            continue
+        used = [i.t[np.isin(i.verdict, [Verdict.USED, Verdict.RESET])] for i in positions]
+        t = np.sort(np.concatenate([*used, run.fused.t[-1:]]))
+        gaps = np.diff(t) * 1e-9
+        long = np.flatnonzero(gaps > max(GAP, 10 * float(np.median(gaps))))
+        if long.size:
+            worst = long[int(np.argmax(gaps[long]))]
+            stretches = "one stretch" if long.size == 1 else f"{long.size} stretches, the longest"
+            since = (t[worst] - run.start) * 1e-9
+            text = f"{name}: no fused position in {stretches} of {gaps[worst]:.0f} s from t = {since:.0f} s"
+            out.append(info("outage", text, name))
+    return out
+
+
+def confidence(run: Run, chosen: Plan, aligned: Alignment) -> list[Finding]:
+    """Sources whose innovations do not fit their stated noise."""
+    out: list[Finding] = []
+    for channel in chosen.whole.channels:
+        if channel.scored or channel.name not in run.innovations or channel.sensor is None:
+            continue
+        innovations = run.innovations[channel.name]
+        judged = np.isin(innovations.verdict, [Verdict.USED, Verdict.GATED, Verdict.RESET])
+        if judged.sum() < 3 * ENOUGH:
+            continue
+        ratio = float(np.median(innovations.nis[judged] / innovations.dof[judged]))
+        if ratio > OVERCONFIDENT:
+            times = f"{np.sqrt(ratio / HALF):.1f}"
+            text = f"{channel.name} scatters about {times} times more than its stated noise"
+            fix = f"sources: {{{channel.stream}: {{scale: {times}}}}}"
+            out.append(warning("overconfident", text, channel.stream, fix))
+    return out
+
+
+def refusals(run: Run, chosen: Plan, aligned: Alignment) -> list[Finding]:
+    """Sources that lost a notable share of their records, with the main reason."""
+    out: list[Finding] = []
+    for a in run.accounts:
+        lost = {v: c for v, c in a.by_verdict.items() if v not in ORDINARY}
+        total = sum(a.by_verdict.values())
+        if total and sum(lost.values()) > max(REFUSED * total, 2) and a.role.startswith("fused"):
+            worst = max(lost, key=lambda v: lost[v])
+            why = worst.name.lower().replace("_", " ")
+            text = f"{a.source}: {sum(lost.values())} of {total} records refused, mostly because: {why} ({lost[worst]})"
+            out.append((info if worst is Verdict.NO_FIX else warning)("refused", text, a.source))
+        if a.state is SensorState.FAULTED:
+            out.append(warning("faulted", f"{a.source} ended in the faulted state", a.source))
+    return out
