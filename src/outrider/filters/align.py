@@ -19,6 +19,7 @@ from outrider.filters.engine import Events, Filter, Queue, Track, run_batch
 from outrider.filters.step import OUT_DOF, OUT_NIS, OUT_S, ROWS
 from outrider.models.motion import Motion
 from outrider.models.sensors import Sensor
+from outrider.models.sensors.layout import LEVER, MOUNT
 from outrider.typing import Bools, Floats
 
 ABSOLUTE: Final = frozenset({Sensor.GNSS_POSITION, Sensor.POSITION, Sensor.POSE, Sensor.RANGE, Sensor.RANGE_BEARING})
@@ -80,17 +81,18 @@ def align(f: Filter, q: Queue, spread: Mapping[str, float]) -> Alignment | None:
 
 
 def first_position(f: Filter, q: Queue) -> tuple[float, Floats, Floats, str] | None:
-    """Time, position and variance of the first usable fix: the best of the first second."""
+    """Time, position and variance of the first usable fix; its lever arm widens it, for no heading is known yet."""
     found: list[tuple[float, Floats, Floats, str]] = []
     for channel, part in zip(f.channels, q.parts, strict=True):
         if channel.sensor not in (Sensor.GNSS_POSITION, Sensor.POSITION, Sensor.POSE) or channel.scored:
             continue
         good = np.flatnonzero(part.flag == Verdict.USED)
         if good.size:
-            i = good[np.argmin(part.t[good])]
+            i = int(good[np.argmin(part.t[good])])
             r = np.where(np.isfinite(part.r[i, :3]), part.r[i, :3], 1e4)
             z = np.where(np.isfinite(part.z[i, :3]), part.z[i, :3], 0.0)
-            found.append(((part.t[i] - q.t0) * 1e-9, z, r + 0.01, f"position from the first record of {channel.name}"))
+            r = r + 0.01 + float(channel.theta[LEVER:MOUNT] @ channel.theta[LEVER:MOUNT])
+            found.append((float(part.t[i] - q.t0) * 1e-9, z, r, f"position from the first record of {channel.name}"))
     return min(found, key=lambda e: e[0]) if found else None
 
 
@@ -179,13 +181,14 @@ def heading_by_source(f: Filter, q: Queue, t_start: float, x: Floats) -> tuple[f
     ws = one.scratch(f.layout.size, f.layout.error_size)
     s = one.state(x, np.eye(f.layout.error_size), t_start, len(f.channels))
     for c, (channel, part) in enumerate(zip(f.channels, q.parts, strict=True)):
-        if channel.sensor not in HEADINGS or channel.scored or channel.sensor is Sensor.MAG_VECTOR:
+        sensor = channel.sensor
+        if sensor is None or sensor not in HEADINGS or channel.scored or sensor is Sensor.MAG_VECTOR:
             continue
         t = (part.t - q.t0) * 1e-9
         rows = np.flatnonzero((part.flag == Verdict.USED) & (t >= t_start - 1.0))[:10]
-        row = {Sensor.ATTITUDE: 2, Sensor.POSE: 5}.get(channel.sensor, 0)
+        row = {Sensor.ATTITUDE: 2, Sensor.POSE: 5}.get(sensor, 0)
         if row and "heading" in f.layout:
-            row = 0 if channel.sensor is Sensor.ATTITUDE else 2
+            row = 0 if sensor is Sensor.ATTITUDE else 2
         yaws: list[float] = []
         for i in rows:
             if one.measure(f.model(), f.sources(), s, c, part.z[i], part.r[i], ws) > row:
