@@ -59,7 +59,8 @@ def _compile(function: Callable[..., object], *, callable_from_python: bool) -> 
     root = Path(kept) if kept else cache_directory()
     numba.config.CACHE_DIR = str(root / ("calls" if callable_from_python else "links"))  # type: ignore[attr-defined]
     try:
-        return numba.njit(
+        decorate: Any = numba.njit  # its stubs do not know the private options
+        return decorate(
             cache=True,
             nogil=True,
             error_model="numpy",

@@ -15,7 +15,7 @@ from outrider.typing import Floats, Ints
 def retract(x: Floats, dx: Floats, table: Ints) -> None:
     """x <- x [+] dx in place: vectors add, angles add and wrap, rotations multiply on the right by Exp(dx)."""
     for b in range(table.shape[0]):
-        code, i, k, size = table[b, 0], table[b, 1], table[b, 2], table[b, 3]
+        code, i, k, size = int(table[b, 0]), int(table[b, 1]), int(table[b, 2]), int(table[b, 3])
         if code == 0:
             for j in range(size):
                 x[i + j] += dx[k + j]
@@ -48,7 +48,7 @@ def rotate_right(x: Floats, i: int, a: float, b: float, c: float) -> None:
 def local(x1: Floats, x0: Floats, table: Ints, dx: Floats) -> None:
     """dx <- x1 [-] x0, so that x0 [+] dx = x1."""
     for b in range(table.shape[0]):
-        code, i, k, size = table[b, 0], table[b, 1], table[b, 2], table[b, 3]
+        code, i, k, size = int(table[b, 0]), int(table[b, 1]), int(table[b, 2]), int(table[b, 3])
         if code == 0:
             for j in range(size):
                 dx[k + j] = x1[i + j] - x0[i + j]
