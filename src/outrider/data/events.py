@@ -161,7 +161,8 @@ def stream(
     """A `Stream` from any array-likes: contiguous, right types, unstated variances as NaN."""
     t = np.ascontiguousarray(t, np.int64)
     z = np.ascontiguousarray(np.atleast_2d(z), np.float64)
-    width = int({Kind.ATTITUDE: 3, Kind.POSE: 6, Kind.ODOMETRY_POSE: 6, Kind.RELATIVE_POSE: 6}.get(kind, z.shape[1]))
+    rotations = {Kind.ATTITUDE: 3, Kind.POSE: 6, Kind.ODOMETRY_POSE: 6, Kind.RELATIVE_POSE: 6}
+    width: int = rotations[kind] if kind in rotations else z.shape[1]
     var = np.full((t.size, width), np.nan) if var is None else np.ascontiguousarray(var, np.float64)
     arrival = t if t_arrival is None else np.ascontiguousarray(t_arrival, np.int64)
     return Stream(name=name, kind=kind, t=t, z=z, var=var, t_arrival=arrival, **rest)  # type: ignore[arg-type]
