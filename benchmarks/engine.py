@@ -13,9 +13,10 @@ from outrider.filters.step import OUT_SIZE
 from outrider.sim import drone_log, wheeled_log
 from outrider.workflows.config import FuseConfig
 from outrider.workflows.discover import plan
-from outrider.workflows.fuse import before_start, channel_records, first_stamp
+from outrider.workflows.fuse import before_start, channel_records, first_stamp, fuse
 
 SECONDS = 20.0
+FLIGHT = 600.0
 
 
 @cache
@@ -59,6 +60,19 @@ def online(kind):
     return run
 
 
+def whole_job(seconds):
+    """`fuse` from a log in memory to a `Run`, innovations and findings included."""
+    run = fuse(flight(), FuseConfig())
+    assert run.fused.t.size > seconds
+    return run.fused.x[-1].copy()
+
+
+@cache
+def flight():
+    """Ten minutes of a drone with a 200 Hz IMU."""
+    return drone_log(3, duration_s=FLIGHT)[0]
+
+
 def filterpy_ins(events):
     """A 21-state KalmanFilter of filterpy with F given: one predict per epoch, a 3-row update every twentieth."""
     from filterpy.kalman import KalmanFilter
@@ -96,6 +110,12 @@ def rows():
             "online driver, wheeled robot, per event",
             Side("OnlineFilter", online("wheeled"), 2000),
             target=100.0,
+            tolerance=None,
+        ),
+        Row(
+            "`fuse` of a 200 Hz flight, per second of the log (5000 us are 200 times real time)",
+            Side("fuse", whole_job, int(FLIGHT)),
+            target=5000.0,
             tolerance=None,
         ),
     ]
