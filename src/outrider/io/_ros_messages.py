@@ -135,6 +135,8 @@ def gps_fix(b: Block) -> tuple[Part, ...]:
     position = _fix(b, _GPSFIXES, extra)
     speed, track = b.number("speed"), np.radians(b.number("track"))  # clockwise from north
     v = np.stack((speed * np.sin(track), speed * np.cos(track), b.number("climb")), axis=-1)
+    if not np.isfinite(speed).any():  # the receiver does not tell
+        return (position,)
     return position, Part(Kind.GNSS_VELOCITY, v, _unstated(v), b.frame, "#velocity", {"fix": position.extra["fix"]})
 
 

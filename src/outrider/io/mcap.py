@@ -10,26 +10,18 @@ A covariance of zeros says "unknown". Where the heading is unknown the orientati
 pi^2, and there is no transform. Time of recording = stamp, and never decreases in the file.
 """
 
-import heapq
-from collections.abc import Iterator, Mapping
-from operator import itemgetter
+from collections.abc import Iterator
 from pathlib import Path
-from tempfile import TemporaryDirectory
-from typing import Any, TypeAlias
 
 import numpy as np
 
 from outrider.core.attitudes import quats_conjugate, quats_multiply, quats_to_matrices, slerp
 from outrider.core.geodesy import enu_to_geodetic
 from outrider.data import Datum, Estimates, Run, Trajectory
-from outrider.errors import DataError
+from outrider.io._ros_bag import Source, write_bag
 from outrider.io._ros_diagnostics import diagnostics
 from outrider.io._ros_encode import Messages, vector
-from outrider.io.files import replacing
 from outrider.typing import Bools, Floats, Ints
-
-Source: TypeAlias = tuple[str, str, Iterator[tuple[int, bytes]]]
-"""Topic, message type, and its messages in time order."""
 
 PATH_POSES = 2000  # a path for the eye: at most so many
 UNKNOWN_ROTATION = np.pi**2  # rad^2, variance of a rotation of which nothing is known
@@ -42,51 +34,8 @@ def write_mcap(run: Run, path: Path, *, robot_frame: str = "base_link", force: b
 
     Raises OutputExistsError if it is there already (unless `force`), UsageError if it cannot be written.
     """
-    path = Path(path)
     messages = Messages()
-    with replacing(path, force=force) as part, TemporaryDirectory(dir=path.parent, prefix=".mcap.") as room:
-        bag = Path(room) / "run"  # the writer makes a directory of this name; only its data file is wanted
-        try:
-            _write(bag, messages, list(_sources(run, messages, robot_frame)), _about(run))
-            (bag / "run.mcap").replace(part)
-        except OSError as e:
-            raise DataError(f"cannot be written: {(e.strerror or str(e)).lower()}", where=str(path)) from None
-
-
-def _write(bag: Path, messages: Messages, sources: list[Source], about: Mapping[str, str]) -> None:
-    from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
-
-    writer = Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP)
-    writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
-    for key, value in about.items():
-        writer.set_custom_data(key, value)
-    with writer:
-        connections = [
-            writer.add_connection(
-                topic, kind, typestore=messages.store, offered_qos_profiles=[_latched()] * topic.endswith("static")
-            )
-            for topic, kind in dict.fromkeys((topic, kind) for topic, kind, _ in sources)
-        ]
-        of = {c.topic: c for c in connections}
-        tagged = [_tagged(of[topic], rows) for topic, _, rows in sources]
-        for t, connection, raw in heapq.merge(*tagged, key=itemgetter(0)):
-            writer.write(connection, t, raw)
-
-
-def _tagged(connection: Any, rows: Iterator[tuple[int, bytes]]) -> Iterator[tuple[int, Any, bytes]]:
-    for t, raw in rows:
-        yield t, connection, raw
-
-
-def _latched() -> Any:
-    """What subscribers of /tf_static expect: the last message is kept for those who come late."""
-    from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
-
-    never = QosTime(0, 0)
-    return Qos(
-        QosHistory.KEEP_LAST, 1, QosReliability.RELIABLE, QosDurability.TRANSIENT_LOCAL, never, never,
-        QosLiveliness.SYSTEM_DEFAULT, never, False,
-    )  # fmt: skip
+    write_bag(Path(path), messages, list(_sources(run, messages, robot_frame)), _about(run), force=force)
 
 
 def _about(run: Run) -> dict[str, str]:

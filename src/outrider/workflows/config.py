@@ -9,12 +9,13 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 Vector = tuple[float, float, float]
 Positive = Annotated[float, Field(gt=0)]
+Deviation = Annotated[float, Field(ge=1e-9, le=1e9)]
 
 
 class Section(BaseModel):
     """A part of the configuration: unknown keys are errors, values are frozen."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True)
 
 
 class MountSection(Section):
@@ -38,15 +39,15 @@ class SourceSection(Section):
     """How one source is used. `fuse`: into the estimate; `score`: compared, never fused; `ignore`: not read."""
 
     use: Literal["auto", "fuse", "score", "ignore"] = "auto"
-    sigma: Positive | tuple[Positive, ...] | None = None
+    sigma: Deviation | tuple[Deviation, ...] | None = None
     """Standard deviation per row of the measurement (SI), instead of what the log states and of our defaults."""
-    scale: Positive = 1.0
+    scale: Annotated[float, Field(ge=1e-3, le=1e3)] = 1.0
     """Multiplies every standard deviation of this source."""
     gate: Annotated[float, Field(gt=0.5, le=1.0)] = 0.999
     """Probability of the chi-square gate; 1 switches it off."""
     mount: MountSection | None = None
     """Instead of the mount of the source's frame."""
-    delay_s: float = 0.0
+    delay_s: Annotated[float, Field(ge=-3600, le=3600)] = 0.0
     """How much older the measurement is than its stamp."""
     track_m: Positive | None = None
     """Distance between left and right wheels (WHEELS)."""

@@ -11,6 +11,11 @@ from outrider.errors import ExitCode
 from outrider.io.runs import SCHEMA
 from outrider.typing import Floats
 
+UNITS = {
+    "GNSS": "m", "POSITION": "m", "POSE": "m", "GNSS_VELOCITY": "m/s", "TWIST": "m/s", "WHEELS": "m/s",
+    "BODY_VELOCITY": "m/s", "RANGE": "m", "BARO": "m", "RANGE_FINDER": "m", "HEADING": "rad", "ATTITUDE": "rad",
+    "MAG": "rad", "IMU": "rad/s",
+}  # fmt: skip
 GOOD = (Outcome.OK, Outcome.DEGRADED)
 
 
@@ -26,7 +31,7 @@ def summarise(run: Run) -> dict[str, Any]:
         "wall_s": run.wall_seconds,
         "datum": _datum(run),
         "figures": figures(run),
-        "withheld": {name: scores for name, i in run.innovations.items() if (scores := withheld(i))},
+        "scored": _all_scored(run),
         "accounts": [_account(a) for a in run.accounts],
         "findings": [
             {"severity": f.severity, "code": f.code, "source": f.source, "text": f.text, "fix": f.fix}
@@ -61,25 +66,32 @@ def figures(run: Run) -> dict[str, Any]:
     }
 
 
-def withheld(of: Innovations) -> dict[str, Any]:
-    """How the records fared that were withheld on request: distance to the estimate, and whether it knew as much.
+def scored(of: Innovations, kind: str) -> dict[str, Any]:
+    """How far the records were from the estimate that were compared, not fused; and whether it knew as much.
 
-    rmse is over the first two columns of a position, over all columns otherwise, in the unit of the source.
+    rmse and median are horizontal for a position, over all columns otherwise, in the unit of the source (SI).
     """
     rows = (of.verdict == Verdict.WITHHELD) & np.isfinite(of.nis)
     if not rows.any():
         return {}
     columns = [k for k in range(len(of.columns)) if np.isfinite(of.y[rows, k]).any()]
-    flat = [k for k in columns if of.columns[k] in ("x", "y", "east", "north", "lat", "lon")] or columns
+    flat = [k for k in columns if of.columns[k] in ("east", "north")] or columns
     e = np.linalg.norm(np.nan_to_num(of.y[rows][:, flat]), axis=1)
     nis, dof = of.nis[rows], np.maximum(of.dof[rows], 1)
     return {
         "records": int(rows.sum()),
+        "unit": UNITS.get(kind, ""),
         "rmse": float(np.sqrt(np.mean(e * e))),
         "median": float(np.median(e)),
         "nis_per_dof": float(np.mean(nis / dof)),
         "within_95": float(np.mean(nis <= chdtri(dof, 0.05))),
     }
+
+
+def _all_scored(run: Run) -> dict[str, Any]:
+    kinds = {a.source: a.kind for a in run.accounts}
+    every = {name: scored(i, kinds.get(name, "")) for name, i in run.innovations.items()}
+    return {name: scores for name, scores in every.items() if scores}
 
 
 def _distance(p: Floats) -> float:
@@ -98,7 +110,8 @@ def _deviation(fused: Estimates) -> dict[str, Any]:
         "up_m": np.sqrt(np.maximum(P[:, 2, 2], 0.0)),
         "heading_deg": np.degrees(np.sqrt(np.maximum(P[:, 5, 5], 0.0))),
     }
-    return {name: {"end": float(s[-1]), "median": float(np.nanmedian(s))} for name, s in series.items()}
+    known = {name: s for name, s in series.items() if s.any()}  # zeros throughout: not estimated
+    return {name: {"end": float(s[-1]), "median": float(np.nanmedian(s))} for name, s in known.items()}
 
 
 def _shares(fused: Estimates) -> list[float]:

@@ -1,0 +1,234 @@
+"""The commands and their options. Each parses, calls one workflow, prints what came of it and returns an exit code."""
+
+import shlex
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from outrider.cli import parse
+from outrider.errors import ExitCode, UsageError
+
+app = typer.Typer(
+    help="Fuse, diagnose and evaluate the logs of ground and aerial robots.",
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,  # plain help starts in half the time
+    no_args_is_help=True,
+)
+
+LogFile = Annotated[
+    Path, typer.Argument(metavar="LOG", help="A recording: .bag, .mcap, .db3 or ROS 2 bag, .ulg, .bin, .tlog, .csv.")
+]
+ConfigFile = Annotated[
+    Path | None, typer.Option("--config", "-c", metavar="FILE", help="YAML, see `outrider schema fuse`.")
+]
+Output = Annotated[Path | None, typer.Option("--output", "-o", metavar="DIR", help="Folder for the results.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace an earlier result in that folder.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document, nothing else, on stdout.")]
+Topics = Annotated[
+    list[str] | None, typer.Option("--topic", metavar="NAME", help="Read only this topic; may be repeated.")
+]
+Start = Annotated[
+    float | None, typer.Option("--start", metavar="S", help="Leave out what is before, in seconds of the log.")
+]
+End = Annotated[
+    float | None, typer.Option("--end", metavar="S", help="Leave out what is after, in seconds of the log.")
+]
+Mapping = Annotated[
+    Path | None, typer.Option("--mapping", metavar="FILE", help="YAML that says what the columns of a CSV are.")
+]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, and only the outcome.")]
+Debug = Annotated[bool, typer.Option("--debug", help="Show where an error comes from.")]
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from outrider.cli.versions import version_text
+
+        typer.echo(version_text())
+        raise typer.Exit
+
+
+@app.callback()
+def outrider(
+    version: Annotated[
+        bool,
+        typer.Option("--version", help="Print the versions that results depend on.", callback=_version, is_eager=True),
+    ] = False,
+) -> None:
+    """Fuse, diagnose and evaluate the logs of ground and aerial robots."""
+
+
+@app.command(short_help="Fuse a recording, and say what is wrong with the data.")
+def fuse(
+    log: LogFile,
+    config: ConfigFile = None,
+    output: Output = None,
+    force: Force = False,
+    json: AsJson = False,
+    seed: Annotated[int | None, typer.Option("--seed", metavar="N", help="Seed of everything random.")] = None,
+    preset: Annotated[
+        str | None, typer.Option("--preset", metavar="NAME", help="default, amr2025 or robot_localization.")
+    ] = None,
+    mount: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--mount", metavar="FRAME=x,y,z,r,p,y", help="Where a sensor frame sits: metres, degrees; may be repeated."
+        ),
+    ] = None,
+    datum: Annotated[
+        str | None, typer.Option("--datum", metavar="LAT,LON,ALT", help="Origin of the site: degrees, metres.")
+    ] = None,
+    withhold: Annotated[
+        list[str] | None,
+        typer.Option("--withhold", metavar="SOURCE=N", help="Fuse every N-th record of a source, score the others."),
+    ] = None,
+    topic: Topics = None,
+    start: Start = None,
+    end: End = None,
+    mapping: Mapping = None,
+    report: Annotated[bool, typer.Option("--report/--no-report", help="Write report.html.")] = True,
+    quiet: Quiet = False,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", "-v", help="Also tell where records went, and every remark.")
+    ] = False,
+    debug: Debug = False,
+) -> int:
+    """Fuse a recording into a trajectory, and say what is wrong with the data."""
+    overrides = parse.overrides(seed=seed, preset=preset, mounts=mount, datum=datum, withhold=withhold)
+    from outrider.workflows.settings import load_config
+
+    settings = load_config(config, overrides)
+    folder = output or Path(f"{log.resolve().stem}-run")
+    from outrider.cli.progress import Progress
+    from outrider.io.runs import ensure_free
+
+    ensure_free(folder, force=force)
+    with Progress(quiet=quiet) as progress:
+        from outrider.workflows.fuse_file import Input, document, fuse_file
+
+        source = Input(log=log, topics=topic, start_s=start, end_s=end, mapping=mapping)
+        command = shlex.join(["outrider", *sys.argv[1:]]) if sys.argv[0].endswith("outrider") else ""
+        run = fuse_file(source, folder, settings, force=force, report=report, command=command, progress=progress)
+    from outrider.cli import render
+    from outrider.workflows.summary import exit_code
+
+    summary = document(run, source)
+    if json:
+        return _print_json({**summary, "folder": str(folder)}, exit_code(run))
+    render.run(summary, folder, quiet=quiet, verbose=verbose)
+    return exit_code(run)
+
+
+@app.command(short_help="Compare a trajectory with a reference.")
+def compare(
+    estimate: Annotated[
+        Path, typer.Argument(metavar="ESTIMATE", help="Run folder, TUM, CSV, Parquet, or a log with an estimate.")
+    ],
+    reference: Annotated[Path, typer.Argument(metavar="REFERENCE", help="The same, taken as true.")],
+    max_gap: Annotated[
+        float, typer.Option("--max-gap", metavar="S", help="Longest gap of the estimate to interpolate over.")
+    ] = 0.5,
+    align: Annotated[
+        str, typer.Option("--align", metavar="MOTION", help="none, yaw, se2 or se3: taken out before errors count.")
+    ] = "none",
+    topic: Annotated[str | None, typer.Option("--topic", metavar="NAME", help="Which estimate of a log.")] = None,
+    output: Output = None,
+    force: Force = False,
+    json: AsJson = False,
+    max_rmse: Annotated[
+        float | None, typer.Option("--max-rmse", metavar="M", help="Exit with 1 if the horizontal RMSE is larger.")
+    ] = None,
+    debug: Debug = False,
+) -> int:
+    """Compare a trajectory with a reference: time association, then errors; no alignment unless asked for."""
+    from outrider.cli import render
+    from outrider.workflows.compare import compare_files
+
+    done = compare_files(estimate, reference, max_gap_s=max_gap, align=align, topic=topic, output=output, force=force)
+    code = ExitCode.OK if done.within(max_rmse) else ExitCode.FAILED_CHECK
+    if json:
+        return _print_json(done.as_dict(), code)
+    render.comparison(done, max_rmse, output)
+    return code
+
+
+@app.command(short_help="Simulate, record, fuse and compare a patrol: start here.")
+def demo(
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the results.")] = Path(
+        "outrider-demo"
+    ),
+    force: Force = False,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Another patrol with other noise.")] = 1,
+    json: AsJson = False,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> int:
+    """Record a simulated patrol with the faults of the field, fuse it, and compare with what really happened."""
+    from outrider.cli.progress import Progress
+
+    with Progress(quiet=quiet) as progress:
+        from outrider.workflows.demo import run_demo
+
+        done = run_demo(output, seed=seed, force=force, progress=progress)
+    from outrider.cli import render
+
+    if json:
+        return _print_json(
+            {**done.summary, "comparison": done.comparison.as_dict(), "folder": str(output)}, done.exit_code
+        )
+    render.demo(done, output, quiet=quiet)
+    return done.exit_code
+
+
+@app.command(short_help="List what a recording holds and how it would be used.")
+def sources(
+    log: LogFile,
+    config: ConfigFile = None,
+    json: AsJson = False,
+    topic: Topics = None,
+    start: Start = None,
+    end: End = None,
+    mapping: Mapping = None,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> int:
+    """List what a recording holds, and what each source would be used for."""
+    from outrider.workflows.settings import load_config
+
+    settings = load_config(config)
+    from outrider.cli.progress import Progress
+
+    with Progress(quiet=quiet) as progress:
+        from outrider.workflows.fuse_file import Input
+        from outrider.workflows.sources import list_sources
+
+        source = Input(log=log, topics=topic, start_s=start, end_s=end, mapping=mapping)
+        listing = list_sources(source.read(settings.robot, progress), settings)
+    if json:
+        return _print_json(listing.as_dict(), ExitCode.OK)
+    from outrider.cli import render
+
+    render.sources(listing)
+    return ExitCode.OK
+
+
+@app.command(short_help="Print the JSON schema of a configuration file.")
+def schema(
+    what: Annotated[str, typer.Argument(metavar="WHAT", help="fuse: the configuration of `outrider fuse`.")] = "fuse",
+    debug: Debug = False,
+) -> int:
+    """Print the JSON schema of a configuration file, for editors."""
+    if what != "fuse":
+        raise UsageError(f"no schema '{what}'", fix="there is: fuse")
+    from outrider.workflows.settings import schema as schema_of
+
+    return _print_json(schema_of(), ExitCode.OK)
+
+
+def _print_json(document: dict[str, Any], code: ExitCode) -> int:
+    from outrider.io.folders import as_json
+
+    typer.echo(as_json(document))
+    return code

@@ -1,0 +1,216 @@
+"""What a person reads on stdout. Everything shown comes from the same documents that `--json` prints."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+from rich.text import Text
+
+if TYPE_CHECKING:
+    from outrider.eval import Statistics
+    from outrider.workflows.compare import FileComparison
+    from outrider.workflows.demo import Demo
+    from outrider.workflows.sources import Listing
+
+NONE = "-"
+PIPE_WIDTH = 140  # columns where there is no terminal
+STYLES = {"error": "bold red", "warning": "yellow", "info": "dim"}
+DEGREES = 57.29577951308232
+
+
+def console() -> Console:
+    """Stdout: colours and width of the terminal, or plain wide text in a pipe."""
+    made = Console(highlight=False)
+    return made if made.is_terminal else Console(highlight=False, width=PIPE_WIDTH, color_system=None, soft_wrap=True)
+
+
+def run(summary: Mapping[str, Any], folder: Path, *, quiet: bool = False, verbose: bool = False) -> None:
+    """Outcome, key figures, findings and the table of sources."""
+    out = console()
+    outcome = summary["outcome"]
+    style = {"ok": "bold green", "degraded": "bold yellow"}.get(outcome["code"], "bold red")
+    out.print(Text(outcome["text"], style))
+    if quiet:
+        return
+    for line in _figures(summary):
+        out.print(Text(line))
+    _findings(out, summary["findings"], verbose=verbose)
+    _accounts(out, summary["accounts"], verbose=verbose)
+    _scores(out, summary)
+    report = folder / "report.html"
+    out.print(Text(f"report: {report}" if report.exists() else f"written to {folder}"))
+
+
+def _figures(summary: Mapping[str, Any]) -> Iterable[str]:
+    f = summary["figures"]
+    if not f:
+        yield "no estimate"
+        return
+    end, sd, share = f["end"], f["deviation"], f["valid_share"]
+    pace = f", {_number(f['times_real_time'])} x real time" if f["times_real_time"] else ""
+    took = f"computed in {_number(summary['wall_s'])} s{pace}"
+    yield f"{_number(f['duration_s'])} s, {_number(f['distance_m'])} m, {took}"
+    known = [f"position +-{_number(sd['horizontal_m']['end'])} m" if "horizontal_m" in sd else ""]
+    known += [f"heading +-{_number(sd['heading_deg']['end'])} deg" if "heading_deg" in sd else ""]
+    at = f"{end['east_m']:.2f} m east, {end['north_m']:.2f} m north, heading {_number(end['heading_deg'], 4)} deg"
+    sigma = ", ".join(k for k in known if k)
+    yield f"ends {at}" + (f" (1 sigma: {sigma})" if sigma else "")
+    yield f"valid: position {share['position']:.1%}, heading {share['heading']:.1%} of the time"
+
+
+def _findings(out: Console, findings: Sequence[Mapping[str, str]], *, verbose: bool) -> None:
+    shown = [f for f in findings if verbose or f["severity"] != "info"]
+    if shown:
+        out.print()
+    for f in shown:
+        out.print(Text.assemble((f"{f['severity']}: ", STYLES.get(f["severity"], "")), f["text"]))
+        if f["fix"]:
+            out.print(Text(f"    {f['fix']}", "dim"))
+    hidden = len(findings) - len(shown)
+    if hidden:
+        out.print(Text(f"and {hidden} remark{'s' * (hidden > 1)}, see the report or -v", "dim"))
+
+
+def _accounts(out: Console, accounts: Sequence[Mapping[str, Any]], *, verbose: bool) -> None:
+    table = _table("source", "kind", "used as", ">received", ">used", ">Hz", ">NIS/dof", "state")
+    for a in accounts:
+        cells = [
+            a["source"],
+            a["kind"].lower().replace("_", " "),
+            a["role"],
+            f"{a['received']}",
+            f"{a['used']}",
+            _number(a["rate_hz"]),
+        ]
+        table.add_row(*(escape(c) for c in cells), _number(a["nis_per_dof"]), a["state"] if a["used"] else NONE)
+    _print_table(out, table)
+    if verbose:
+        _refused(out, accounts)
+
+
+def _refused(out: Console, accounts: Sequence[Mapping[str, Any]]) -> None:
+    """Where the records went that were not used."""
+    from outrider.data import REASONS, Verdict
+
+    for a in accounts:
+        lost = {k: n for k, n in a["by_verdict"].items() if k not in ("used", "input")}
+        lost |= {"malformed": a["malformed"]} if a["malformed"] else {}
+        for verdict, n in lost.items():
+            reason = REASONS[Verdict[verdict.upper()]] if verdict != "malformed" else "could not be decoded"
+            out.print(Text(f"{a['source']}: {n} {reason}"))
+
+
+def _scores(out: Console, summary: Mapping[str, Any]) -> None:
+    """Sources that were compared and not fused."""
+    if not summary["scored"]:
+        return
+    table = _table("compared, not fused", ">records", ">RMSE", ">NIS/dof", ">within 95 %")
+    for name, s in summary["scored"].items():
+        unit, scale = ("deg", DEGREES) if s["unit"] == "rad" else (s["unit"], 1.0)
+        row = (
+            f"{s['records']}",
+            f"{_number(scale * s['rmse'])} {unit}".strip(),
+            _number(s["nis_per_dof"]),
+            f"{s['within_95']:.1%}",
+        )
+        table.add_row(escape(name), *row)
+    _print_table(out, table)
+
+
+def comparison(done: "FileComparison", max_rmse_m: float | None = None, output: Path | None = None) -> None:
+    """Errors of an estimate against a reference."""
+    out, c = console(), done.errors
+    out.print(Text(f"{done.estimate.name or 'estimate'} against {done.reference.name or 'reference'}", "bold"))
+    lost = ", ".join(f"{n} {why}" for why, n in c.lost.items())
+    out.print(Text(f"{c.matched} of {c.of} reference poses compared" + (f" ({lost})" if lost else "")))
+    out.print(Text(f"over {_number(c.span_s)} s and {_number(c.path_m)} m; alignment: {c.alignment.value}"))
+    table = _table("error", ">RMSE", ">mean", ">median", ">95 %", ">largest", ">poses")
+    _errors(table, "horizontal [m]", c.position_2d)
+    if not done.flat:
+        _errors(table, "in space [m]", c.position_3d)
+    _errors(table, "heading [deg]", c.heading, DEGREES)
+    _errors(table, "velocity [m/s]", c.velocity)
+    _errors(table, f"drift in {c.relative_s:g} s [m]", c.relative)
+    _print_table(out, table)
+    if isfinite(c.nees):
+        told = f"NEES/dof {_number(c.nees)} (1 is right), {c.coverage:.1%} of the references inside the 95 % ellipses"
+        out.print(Text(f"stated uncertainty: {told}"))
+    if max_rmse_m is not None and not done.within(max_rmse_m):
+        out.print(
+            Text(f"horizontal RMSE {_number(c.position_2d.rmse)} m is above the limit of {max_rmse_m:g} m", "bold red")
+        )
+    if output is not None:
+        out.print(Text(f"written to {output}"))
+
+
+def demo(done: "Demo", folder: Path, *, quiet: bool = False) -> None:
+    """The summary of the demo's run, its errors against the truth, and what to look at."""
+    run(done.summary, folder, quiet=quiet)
+    if quiet:
+        return
+    out = console()
+    out.print()
+    comparison(done.comparison)
+    out.print()
+    for line in done.invitations(folder):
+        out.print(Text(line))
+
+
+def sources(listing: "Listing") -> None:
+    """What a log holds."""
+    out, listed = console(), listing.as_dict()
+    log = listing.log
+    out.print(Text(f"{log.path}: {len(log)} records of {len(log.streams)} sources, {_number(log.duration)} s", "bold"))
+    table = _table("source", "kind", ">records", ">Hz", "frame", "mount", "used as")
+    for s in cast("list[dict[str, Any]]", listed["sources"]):
+        cells = (
+            s["name"],
+            s["kind"].replace("_", " "),
+            f"{s['records']}",
+            _number(s["rate_hz"]),
+            s["frame"] or NONE,
+            s["mount"] or NONE,
+        )
+        table.add_row(*(escape(str(c)) for c in cells), escape(s["used_for"]) or NONE)
+    _print_table(out, table)
+    for note in log.notes:
+        out.print(Text(f"note: {note}", "dim"))
+    if listing.complaint:
+        out.print(Text(listing.complaint, "bold red"))
+
+
+def _errors(table: Table, name: str, s: "Statistics", scale: float = 1.0) -> None:
+    if s.n:
+        table.add_row(escape(name), *(_number(scale * v) for v in (s.rmse, s.mean, s.median, s.p95, s.max)), f"{s.n}")
+
+
+def _table(*headings: str) -> Table:
+    """A plain table; a heading that begins with > is of a column of numbers."""
+    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False)
+    for h in headings:
+        table.add_column(h.lstrip(">"), justify="right" if h.startswith(">") else "left", no_wrap=h.startswith(">"))
+    return table
+
+
+def _print_table(out: Console, table: Table) -> None:
+    """With a line before it and no blanks at the ends of its lines."""
+    with out.capture() as rendered:
+        out.print(table)
+    out.print()
+    for line in rendered.get().splitlines():
+        out.out(Text.from_ansi(line.rstrip()) if out.color_system else line.rstrip(), highlight=False)
+
+
+def _number(value: float | None, digits: int = 3) -> str:
+    """A few significant digits, never an exponent between a thousandth and a million."""
+    if value is None or not isfinite(value):
+        return NONE
+    if value and not 1e-3 <= abs(value) < 1e6:
+        return f"{value:.{digits - 1}e}"
+    whole = len(str(int(abs(value))))
+    return f"{value:.{max(digits - whole, 0)}f}" if abs(value) >= 1 else f"{value:.{digits}g}"

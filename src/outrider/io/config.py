@@ -1,0 +1,107 @@
+"""YAML files as plain dicts; every fault is named with its file and its line."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+from outrider.errors import ConfigError
+
+if TYPE_CHECKING:
+    from yaml import Node
+
+LARGEST = 1 << 20  # bytes: what is longer was not written by hand, and is probably the log
+
+
+def read_yaml(path: Path) -> dict[str, Any]:
+    """Read a YAML mapping; an empty file, or one of comments only, is an empty mapping.
+
+    Raises `ConfigError` for what is missing, no YAML, no mapping, or has a key twice (YAML itself keeps the last).
+    """
+    import yaml
+
+    text = _text(path)
+    try:
+        loader = yaml.SafeLoader(text)
+        node = loader.get_single_node()
+        if node is None:
+            return {}
+        _refuse_repeated_keys(node, path)
+        data = loader.construct_document(node)
+    except yaml.MarkedYAMLError as e:
+        line = e.problem_mark.line + 1 if e.problem_mark else 0
+        raise ConfigError(f"is not YAML: {e.problem or e.context}", where=at_line(path, line)) from None
+    except (yaml.YAMLError, ValueError) as e:  # a control character; a date that does not exist
+        raise ConfigError(f"is not YAML: {str(e).splitlines()[0]}", where=str(path)) from None
+    except RecursionError:
+        raise ConfigError("is nested too deeply", where=str(path)) from None
+    if not isinstance(data, dict):
+        raise ConfigError("is no mapping of keys to values", where=at_line(path, 1), fix="write `key: value` lines")
+    return cast("dict[str, Any]", data)
+
+
+def line_of(path: Path, keys: Sequence[str | int]) -> int:
+    """The line, from 1, on which the value at `keys` stands, or the last of its parents that is there; 0 if unknown."""
+    import yaml
+
+    try:
+        node = yaml.compose(_text(path), Loader=yaml.SafeLoader)
+    except (ConfigError, yaml.YAMLError, RecursionError):
+        return 0
+    line = 0
+    for key in keys:
+        entry = _entry(node, key)
+        if entry is None:
+            break
+        line, node = entry
+    return line
+
+
+def at_line(path: Path | str, line: int) -> str:
+    """`file:line`, or the file alone where the line is not known (0)."""
+    return f"{path}:{line}" if line else str(path)
+
+
+def _text(path: Path) -> str:
+    try:
+        with path.open("rb") as f:
+            raw = f.read(LARGEST + 1)
+    except OSError as e:
+        raise ConfigError(f"cannot be read: {(e.strerror or str(e)).lower()}", where=str(path)) from None
+    if len(raw) > LARGEST:
+        raise ConfigError("is longer than 1 MiB, too long for a configuration", where=str(path), fix="is it the log?")
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise ConfigError("is no text (UTF-8)", where=str(path), fix="is it the log?") from None
+
+
+def _entry(node: "Node | None", key: str | int) -> "tuple[int, Node] | None":
+    """Line and value of one key of a mapping, or of one item of a list."""
+    import yaml
+
+    if isinstance(node, yaml.MappingNode):
+        for name, value in node.value:
+            if name.value == str(key):
+                return name.start_mark.line + 1, value
+    if isinstance(node, yaml.SequenceNode) and isinstance(key, int) and key < len(node.value):
+        item = node.value[key]
+        return item.start_mark.line + 1, item
+    return None
+
+
+def _refuse_repeated_keys(node: "Node", path: Path) -> None:
+    import yaml
+
+    if isinstance(node, yaml.SequenceNode):
+        for item in node.value:
+            _refuse_repeated_keys(item, path)
+    if isinstance(node, yaml.MappingNode):
+        seen: dict[str, int] = {}
+        for key, value in node.value:
+            line = key.start_mark.line + 1
+            if key.value in seen and key.tag != "tag:yaml.org,2002:merge" and isinstance(key, yaml.ScalarNode):
+                where = at_line(path, line)
+                raise ConfigError(f"'{key.value}' is there twice", where=where, fix=f"first on line {seen[key.value]}")
+            if isinstance(key, yaml.ScalarNode):
+                seen[key.value] = line
+            _refuse_repeated_keys(value, path)

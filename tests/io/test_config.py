@@ -1,0 +1,62 @@
+"""YAML with line numbers: every fault is one line that names the place."""
+
+from pathlib import Path
+
+import pytest
+
+from outrider.errors import ConfigError, ExitCode
+from outrider.io.config import LARGEST, line_of, read_yaml
+
+FAULTS = {
+    "a: 1\nb: 2\na: 3\n": (3, "'a' is there twice .first on line 1."),
+    "a:\n  - x: 1\n    x: 2\n": (3, "'x' is there twice"),
+    "a: 1\nb: [1, 2\n": (3, "is not YAML"),
+    "a: 1\n\tb: 2\n": (2, "is not YAML"),
+    "- 1\n- 2\n": (1, "no mapping"),
+    "just words": (1, "no mapping"),
+    "a: !!python/object:os.system {}": (1, "is not YAML"),
+    "when: 2024-13-45": (0, "is not YAML"),
+    "[" * 3000: (0, "nested too deeply|is not YAML"),
+    "a: \x07": (0, "is not YAML"),
+}
+
+
+@pytest.mark.parametrize("text", FAULTS)
+def test_a_fault_is_one_line_with_its_place(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "c.yaml"
+    path.write_text(text)
+    line, what = FAULTS[text]
+    with pytest.raises(ConfigError, match=what) as caught:
+        read_yaml(path)
+    assert caught.value.where == (f"{path}:{line}" if line else str(path))
+    assert "\n" not in str(caught.value) and caught.value.exit_code == ExitCode.USAGE
+
+
+def test_plain_files(tmp_path: Path) -> None:
+    path = tmp_path / "c.yaml"
+    for text in ("", "# nothing yet\n", "\ufeff"):
+        path.write_text(text, encoding="utf-8")
+        assert read_yaml(path) == {}
+    path.write_text("base: &b {x: 1}\nmore: {<<: *b, y: 2}\nname: müll\n", encoding="utf-8")
+    assert read_yaml(path) == {"base": {"x": 1}, "more": {"x": 1, "y": 2}, "name": "müll"}
+
+
+def test_what_is_no_text_is_refused_before_it_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "log.bag"
+    for content, what in ((b"\xff\xfe\x00#ROSBAG", "no text"), (b"a: 1\n" * LARGEST, "too long")):
+        path.write_bytes(content)
+        with pytest.raises(ConfigError, match=what):
+            read_yaml(path)
+    for missing in (tmp_path, tmp_path / "none.yaml"):
+        with pytest.raises(ConfigError, match="cannot be read"):
+            read_yaml(missing)
+
+
+def test_lines_of_keys(tmp_path: Path) -> None:
+    path = tmp_path / "c.yaml"
+    path.write_text("a: 1\nb:\n  c:\n    - 10\n    - d: 20\n      e: 30\n")
+    assert line_of(path, ["a"]) == 1
+    assert line_of(path, ["b", "c", 1, "e"]) == 6
+    assert line_of(path, ["b", "nope"]) == 2  # the last parent that is there
+    assert line_of(path, ["nope"]) == 0
+    assert line_of(tmp_path / "none.yaml", ["a"]) == 0

@@ -1,0 +1,73 @@
+"""Configuration files: faults in one line with key, remedy and line; command line over file; saved and read again."""
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+from outrider.errors import ConfigError, ExitCode
+from outrider.workflows.config import FuseConfig
+from outrider.workflows.settings import load_config, merged, parse_config, schema
+
+FAULTS = {
+    "sources:\n  /fix:\n    gaet: 0.9\n": (3, r"sources\./fix\.gaet: unknown key .did you mean 'gate'\?"),
+    "sourcs: {}\n": (1, r"did you mean 'sources'\?"),
+    "seed: 1\nx: 1\ny: 2\n": (2, r"x: unknown key, and 1 more fault .there are: preset, robot"),
+    "datum:\n  lat_deg: 120\n  lon_deg: 1\n": (2, r"datum\.lat_deg: should be less than or equal to 90, is 120"),
+    "datum:\n  lat_deg: 12\n": (1, r"datum\.lon_deg: is missing .all keys here: lat_deg, lon_deg, alt_m"),
+    "preset: amr\n": (1, r"preset: cannot be 'amr' .did you mean 'amr2025'\?"),
+    "sources: {/fix: {use: fus}}\n": (1, r"use: cannot be 'fus' .did you mean 'fuse'\?"),
+    "sources: {/fix: {sigma: -1}}\n": (1, r"sources\./fix\.sigma: should be greater than 0, is -1"),
+    "sources: {/fix: {gate: 1.5}}\n": (1, r"gate: should be less than or equal to 1, is 1.5"),
+    "mounts:\n  imu:\n    xyz_m: [0, 0]\n": (3, r"mounts\.imu\.xyz_m: needs more numbers than 2"),
+    "beacons:\n  - {id: 1, xyz_m: [1, 2, 3]}\n  - {id: 2}\n": (3, r"beacons\.1\.xyz_m: is missing"),
+    "outages_s: {/fix: [[9, 3]]}\n": (0, r"outages_s of /fix: \(9.0, 3.0\) ends before it starts"),
+    "withhold: {/fix: 1}\n": (1, r"withhold\./fix: should be greater than or equal to 2, is 1"),
+    "local: perhaps\n": (1, r"local: should be a valid boolean.*is 'perhaps'"),
+    "history_s: .nan\n": (1, r"history_s: should be"),
+    "sources: {/fix: {delay_s: .inf}}\n": (1, r"delay_s: should be a finite number, is inf"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("text", FAULTS)
+def test_a_fault_names_key_remedy_and_line(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "fusion.yaml"
+    path.write_text(text)
+    line, words = FAULTS[text]
+    with pytest.raises(ConfigError, match=words) as caught:
+        load_config(path)
+    assert str(caught.value).startswith(f"{path}:{line}: " if line else f"{path}: ")
+    assert "\n" not in str(caught.value) and caught.value.exit_code == ExitCode.USAGE
+
+
+def test_the_command_line_stands_over_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "fusion.yaml"
+    path.write_text("seed: 4\nrobot: husky\nmounts: {imu: {rpy_deg: [0, 0, 90]}, gps: {xyz_m: [1, 0, 0]}}\n")
+    config = load_config(path, {"seed": 9, "mounts": {"imu": {"rpy_deg": [0, 0, 45.0]}}})
+    assert (config.seed, config.robot) == (9, "husky")
+    assert config.mounts["imu"].rpy_deg == (0, 0, 45) and config.mounts["gps"].xyz_m == (1, 0, 0)
+    with pytest.raises(ConfigError, match=r"^configuration: preset"):
+        load_config(None, {"preset": "fast"})
+
+
+def test_merging_leaves_its_arguments_alone() -> None:
+    base, over = {"a": {"b": 1}, "c": [1]}, {"a": {"d": 2}, "c": [2]}
+    assert merged(base, over) == {"a": {"b": 1, "d": 2}, "c": [2]}
+    assert base == {"a": {"b": 1}, "c": [1]} and over == {"a": {"d": 2}, "c": [2]}
+
+
+def test_what_is_saved_is_read_as_the_same(tmp_path: Path) -> None:
+    config = parse_config(
+        {"datum": {"lat_deg": 45, "lon_deg": 7}, "sources": {"/fix": {"sigma": [1, 2, 3], "gate": 1.0}},
+         "outages_s": {"/fix": [[1, 2]]}, "beacons": [{"id": 3, "xyz_m": [1, 2, 3]}]}
+    )  # fmt: skip
+    path = tmp_path / "config.yaml"
+    path.write_text(yaml.safe_dump(config.model_dump(mode="json")))
+    assert load_config(path) == config
+
+
+def test_the_schema_knows_and_explains_every_key() -> None:
+    whole = schema()
+    assert set(whole["properties"]) == set(FuseConfig.model_fields)
+    gate = whole["$defs"]["SourceSection"]["properties"]["gate"]
+    assert "chi-square" in gate["description"] and gate["maximum"] == 1.0
