@@ -77,7 +77,7 @@ def records(channel: Channel, stream: Stream, verdict: Ints, datum: Datum | None
     """The stream's records as the channel's measurements; `verdict` is what screening said of each."""
     keep = np.ones(len(stream), np.bool_)
     if channel.fixes and "fix" in stream.extra:
-        keep &= np.isin(stream.extra["fix"].astype(np.int64), np.array(sorted(channel.fixes)))
+        keep &= np.isin(stream.extra["fix"], np.array(sorted(channel.fixes)))
     if channel.beacon is not None:
         keep &= stream.z[:, 0] == channel.beacon
     if channel.still:
@@ -94,7 +94,7 @@ def records(channel: Channel, stream: Stream, verdict: Ints, datum: Datum | None
     var[:, :width] = np.maximum(var[:, :width], channel.floor**2) * channel.scale**2
     var[:, :width][:, ~channel.rows] = np.inf
     out = np.zeros((row.size, ROWS))
-    out[:, : z.shape[1]] = z
+    out[:, : z.shape[1]] = z[:, :ROWS]  # an estimate holds a velocity as well
     used = np.flatnonzero(channel.rows)
     if channel.sensor is not None and _row_is_column(channel):
         bad = ~np.isfinite(out[:, used]).any(axis=1)
