@@ -36,6 +36,8 @@ FROZEN_RECORDS: Final = 5
 STALE_AFTER: Final = 5.0  # s between a fix and its arrival, beyond the stream's usual latency
 ABSURD_VARIANCE: Final = 1e30
 EARLIEST: Final = 1  # ns: a stamp of zero is no stamp
+STUCK_CHANGE: Final = 0.15  # rad/s: a change of the turn rate that turning wheels cannot miss
+STUCK_SMOOTH: Final = 0.5  # s over which that rate is averaged: bumps are shorter
 CLOCK_JUMP: Final = 600.0  # s between a stamp and its arrival, beyond the stream's usual offset
 AHEAD: Final = 2.0  # s that a stamp may be too new by the same measure: more would make all other sources late
 
@@ -159,3 +161,35 @@ def repeats(s: Stream, m: Memory, refuse: Refuse, motion: Ints | None) -> None:
         refuse(frozen, Verdict.FROZEN)
     m.z, m.t = s.z[-1].copy(), int(s.t[-1])
     m.since, m.count = int(since[-1]), int(count[-1])
+
+
+def turn_rate(imu: Stream) -> tuple[Ints, Floats]:
+    """Stamps [ns] and the rate about the vertical [rad/s], smoothed; the vertical is where gravity has been felt."""
+    good = np.isfinite(imu.z).all(axis=1) & (np.abs(imu.z) <= np.array(LIMITS[Kind.IMU])).all(axis=1)
+    t, z = imu.t[good], imu.z[good]
+    if not len(z) or not z[:, 3:].any():
+        return t[:0], np.zeros(0)
+    up = np.median(z[:, 3:], axis=0)
+    rate = z[:, :3] @ (up / max(float(np.linalg.norm(up)), 1e-9))
+    width = max(1, round(STUCK_SMOOTH * imu.rate)) if np.isfinite(imu.rate) else 1
+    total = np.concatenate([[0.0], np.cumsum(rate)])
+    return t[width - 1 :], (total[width:] - total[:-width]) / width
+
+
+def stuck(s: Stream, turning: tuple[Ints, Floats]) -> Bools:
+    """(n,) which records of wheels repeat the same bits, not at rest, while the turn rate changes.
+
+    At rest wheels repeat zeros, and quantised ones repeat at constant speed: neither is a fault. Looks ahead: once a
+    stretch of repeats is known to be stuck, all of it is.
+    """
+    t, rate = turning
+    out = np.zeros(len(s), np.bool_)
+    same = (s.z[1:] == s.z[:-1]).all(axis=1)
+    starts = np.flatnonzero(np.concatenate([[True], ~same])) if len(s) else np.zeros(0, np.int64)
+    for a, b in zip(starts, np.append(starts[1:], len(s)), strict=True):
+        if b - a <= FROZEN_RECORDS or not s.z[a].any():
+            continue
+        first, last = np.searchsorted(t, s.t[[a, b - 1]])
+        if last > first and np.ptp(rate[first:last]) > STUCK_CHANGE:
+            out[a + 1 : b] = True
+    return out

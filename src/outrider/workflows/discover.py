@@ -3,12 +3,14 @@
 from collections.abc import Mapping
 from dataclasses import replace
 from itertools import chain
+from typing import Final
 
 import numpy as np
 
 from outrider.data import Datum, EventLog, Fix, Kind, Stream, Verdict
 from outrider.errors import ConfigError, DataError
-from outrider.filters.screen import motion_stamps, screen
+from outrider.filters.channels import site_position
+from outrider.filters.screen import motion_stamps, screen, stuck, turn_rate
 from outrider.models.motion import Motion
 from outrider.typing import Ints
 from outrider.workflows.assembly import assemble
@@ -16,7 +18,8 @@ from outrider.workflows.config import FuseConfig
 from outrider.workflows.draft import Draft, Plan
 from outrider.workflows.rules import RULES, unused
 
-WHEELED = frozenset({Kind.TWIST, Kind.WHEELS, Kind.ACKERMANN})
+WHEELED: Final = frozenset({Kind.TWIST, Kind.WHEELS, Kind.ACKERMANN})
+FAR: Final = 50_000.0  # m from the datum: its up is by then half a degree off the local one
 
 
 def plan(log: EventLog, cfg: FuseConfig) -> Plan:
@@ -30,6 +33,7 @@ def plan(log: EventLog, cfg: FuseConfig) -> Plan:
     log = replace(log, streams={s.name: delayed(s, cfg) for s in log})
     moving = motion_stamps(log)
     verdicts = {s.name: screen(s, motion=moving) for s in log}
+    refuse_stuck_wheels(log, verdicts)
     d = Draft(log, cfg, choose_motion(log, cfg), find_datum(log, cfg, verdicts), verdicts)
     for s in sorted(log, key=lambda s: (s.kind is not Kind.IMU, s.name)):
         if d.section(s).use == "ignore":
@@ -71,6 +75,10 @@ def check_sense(cfg: FuseConfig) -> None:
 def check_draft(d: Draft) -> None:
     """Whether there is anything to fuse, and what was told in vain."""
     if not any(not c.scored for c in d.channels):
+        off = [name for name, section in d.cfg.sources.items() if section.use in ("ignore", "score")]
+        if off:
+            text = f"nothing is left to fuse: {', '.join(off)} switched off or only scored"
+            raise ConfigError(text, where="sources", fix="leave one that gives motion or position on `auto`")
         raise DataError(
             "nothing in this log can be fused",
             where=d.log.path,
@@ -78,10 +86,23 @@ def check_draft(d: Draft) -> None:
         )
     if d.motion is Motion.STRAPDOWN and not any(c.sensor is None for c in d.channels):
         raise ConfigError("a strapdown vehicle needs an IMU", where="motion", fix="choose another motion model")
+    away = distance_to_datum(d)
+    if away > FAR:
+        text = f"the first fix lies {away / 1000:.0f} km from the datum: a flat site frame bends there"
+        d.note("warning", "datum-far", text, fix="give a `datum` within the site, or none")
     frames = {s.frame for s in d.log}
     for frame in sorted(set(d.cfg.mounts) - frames):
         known = ", ".join(sorted(frames - {""})) or "none"
         d.note("warning", "mount-unused", f"no source has the frame '{frame}'", fix=f"the frames are {known}")
+
+
+def refuse_stuck_wheels(log: EventLog, verdicts: Mapping[str, Ints]) -> None:
+    """Mark records of wheels that repeat themselves while an IMU turns. In place."""
+    for imu in sorted(log.of(Kind.IMU), key=len)[-1:]:
+        turning = turn_rate(imu)
+        for s in log.of(*WHEELED):
+            v = verdicts[s.name]
+            v[stuck(s, turning) & (v == Verdict.USED)] = Verdict.FROZEN
 
 
 def delayed(s: Stream, cfg: FuseConfig) -> Stream:
@@ -121,6 +142,15 @@ def find_datum(log: EventLog, cfg: FuseConfig, verdicts: Mapping[str, Ints]) -> 
     lat, lon, alt = s.z[good[np.argmin(s.t[good])]]
     height = float(alt) if np.isfinite(alt) else 0.0
     return Datum(lat=float(lat), lon=float(lon), alt=height, altitude=s.altitude.name)
+
+
+def distance_to_datum(d: Draft) -> float:
+    """From the datum to the first usable fix [m]; 0 without one."""
+    for s in d.log.of(Kind.GNSS):
+        if d.datum is not None and d.usable(s):
+            p = site_position(d.passed(s.name).select(slice(0, 1)), d.datum)
+            return float(np.linalg.norm(p[0, :2]))
+    return 0.0
 
 
 def best_fix(s: Stream, good: Ints) -> float:

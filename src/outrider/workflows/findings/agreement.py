@@ -24,6 +24,12 @@ NEVER_FUSED: Final = (Sensor.POSE, Sensor.ATTITUDE, Sensor.MAG_VECTOR)  # no sin
 ORDINARY: Final = frozenset({
     Verdict.USED, Verdict.INPUT, Verdict.RESET, Verdict.WITHHELD, Verdict.NOT_OBSERVING, Verdict.NOT_ALIGNED
 })  # fmt: skip
+REMEDIES: Final = {
+    Verdict.LATE: "raise `history_s` above the delay with which they arrive",
+    Verdict.GATED: "look at its innovations in the report; `scale` makes it count less",
+    Verdict.BAD_STAMP: "mend the clock that stamps it",
+    Verdict.FROZEN: "its driver sends the last value again: restart or mend it",
+}
 
 
 def heading_conflicts(run: Run, chosen: Plan, aligned: Alignment) -> list[Finding]:
@@ -148,7 +154,8 @@ def refusals(run: Run, chosen: Plan, aligned: Alignment) -> list[Finding]:
             worst = max(lost, key=lambda v: lost[v])
             why = worst.name.lower().replace("_", " ")
             text = f"{a.source}: {sum(lost.values())} of {total} records refused, mostly because: {why} ({lost[worst]})"
-            out.append((info if worst is Verdict.NO_FIX else warning)("refused", text, a.source))
+            say = info if worst is Verdict.NO_FIX else warning
+            out.append(say("refused", text, a.source, REMEDIES.get(worst, "")))
         if a.state is SensorState.FAULTED:
             out.append(warning("faulted", f"{a.source} ended in the faulted state", a.source))
     return out

@@ -12,6 +12,7 @@ from outrider.workflows.draft import Plan
 from outrider.workflows.findings.say import any_absolute, error, info, warning
 
 WHEEL_SCALE: Final = 0.01  # departure from one worth a line
+INVALID: Final = 1.0  # s without a valid position worth a line
 BROKEN: Final = 0.01  # share of undone updates beyond which the run has diverged
 
 
@@ -27,6 +28,23 @@ def alignment(run: Run, chosen: Plan, aligned: Alignment) -> list[Finding]:
     text = "yaw is unobservable: no source tells it and the robot did not move enough"
     fix = "drive a few metres, or fuse a dual antenna or another heading"
     return [*out, warning("heading-unobservable", text, fix=fix)]
+
+
+def reliance(run: Run, chosen: Plan, aligned: Alignment) -> list[Finding]:
+    """Whether anything ties the run to a place, and for how long its position is not valid."""
+    out: list[Finding] = []
+    if not any_absolute(chosen):
+        out.append(
+            info("no-position", "nothing here tells where it is: the site frame begins at the start, and drifts")
+        )
+    t, valid = run.fused.t, run.fused.valid[:, 0] > 0
+    lost = np.diff(t, append=t[-1:])[~valid].sum() * 1e-9
+    if lost < INVALID:
+        return out
+    begin = (t[int(np.argmin(valid))] - run.start) * 1e-9
+    text = f"the position is not valid for {lost:.0f} s of {(t[-1] - t[0]) * 1e-9:.0f} s, first from t = {begin:.0f} s"
+    say = info if valid[-1] else warning
+    return [*out, say("position-invalid", text, fix="its covariance still bounds it; the report shows when")]
 
 
 def preset(run: Run, chosen: Plan, aligned: Alignment) -> list[Finding]:
