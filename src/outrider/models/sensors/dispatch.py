@@ -89,14 +89,18 @@ def first_column(code: int) -> int:
     return 0
 
 
-@kernel
 def simulate(code: int, k: Floats, theta: Floats, z: Floats) -> int:
     """z <- h(k), the record without noise whose innovation is zero; returns m, or 0 where the sensor sees nothing.
 
     Only the sensor's own columns are written: names of beacons and robots stay. The constraints (NONHOLONOMIC,
     ZERO_VELOCITY) have no record and write nothing.
     """
-    y, D = np.zeros(MAX_ROWS), np.zeros((MAX_ROWS, T_SIZE))
+    return fill(code, k, theta, z, np.zeros(2 * MAX_ROWS), np.zeros(MAX_ROWS), np.zeros((MAX_ROWS, T_SIZE)))
+
+
+@kernel
+def fill(code: int, k: Floats, theta: Floats, z: Floats, nothing: Floats, y: Floats, D: Floats) -> int:
+    """As `simulate`, with its scratch; `nothing` is a record of zeros."""
     if code == Sensor.ACKERMANN:
         simulate_ackermann(k, theta, y, D, z)
     elif code == Sensor.MAG_HEADING:
@@ -110,7 +114,7 @@ def simulate(code: int, k: Floats, theta: Floats, z: Floats) -> int:
     elif code == Sensor.RELATIVE_POSE:
         simulate_relative_pose(k, theta, D, z)
     else:  # z enters by a plain difference: the innovation of a record of zeros is -h
-        m = evaluate(code, k, np.zeros(2 * MAX_ROWS), theta, y, D)
+        m = evaluate(code, k, nothing, theta, y, D)
         if code != Sensor.NONHOLONOMIC and code != Sensor.ZERO_VELOCITY:
             for i in range(m):
                 z[first_column(code) + i] = -y[i]
