@@ -1,8 +1,8 @@
 """Initial alignment: position, attitude, heading and biases from the first seconds of the data.
 
 Nothing is typed in. The heading comes from a heading source if one is fused; otherwise from a bank of hypotheses: the
-filter is run over a growing prefix of the log from headings all round, and the one whose innovations are likeliest is
-taken once it beats everything that points elsewhere. It works from standstill and in motion.
+filter is run over a growing prefix of the log from headings all round, each votes by how likely its innovations are,
+and their mean is taken once the votes point one way. It works from standstill and in motion.
 """
 
 from collections.abc import Mapping
@@ -30,13 +30,14 @@ HYPOTHESES: Final = 16
 SPREAD: Final = 0.2  # rad, standard deviation of one hypothesis
 FINE: Final = 9  # hypotheses of the second round, across +- one step of the first
 FINE_SPREAD: Final = 0.12  # rad
-ELSEWHERE: Final = 1.0  # rad: hypotheses further away than this must be beaten
-DECISIVE: Final = 8.0  # log-likelihood by which they must be beaten
+AGREED: Final = 0.5  # rad: circular deviation of the votes at which they agree on one direction
+TEMPER: Final = 2.0  # log-likelihoods are divided by this, for no model is quite true
 PREFIXES: Final = (5.0, 10.0, 20.0, 40.0, 80.0, 160.0, 320.0)  # s
 CHECKED: Final = 40.0  # s: how long motion may take to contradict a heading source
 HOPELESS: Final = 60.0  # log-likelihood behind the best at which a hypothesis is dropped
 CLIP: Final = 25.0  # NIS per degree of freedom at which one record's vote stops growing
 WINDOW: Final = 1.0  # s of inertial data for levelling
+MOST_BIAS: Final = 0.1  # rad/s: a gyro that says more is turning
 UNKNOWN_HEADING: Final = 1.8  # rad: uniform over the circle
 
 
@@ -115,9 +116,8 @@ def level_by_gravity(f: Filter, q: Queue, t_start: float, x: Floats, sd: Floats)
         return "no inertial records to level by: level within 17 degrees"
     gyro, accel = rows
     mean = accel.mean(axis=0)
-    still = bool(
-        gyro.std(axis=0).max() < 0.02 and accel.std(axis=0).max() < 0.5 and abs(np.linalg.norm(mean) - 9.81) < 0.5
-    )
+    calm = gyro.std(axis=0).max() < 0.02 and accel.std(axis=0).max() < 0.5
+    still = bool(calm and abs(np.linalg.norm(mean) - 9.81) < 0.5 and np.abs(gyro.mean(axis=0)).max() < MOST_BIAS)
     roll, pitch = np.arctan2(mean[1], mean[2]), np.arctan2(-mean[0], np.hypot(mean[1], mean[2]))
     q0 = np.zeros(4)
     quat_from_rpy(float(roll), float(pitch), 0.0, q0)
@@ -206,23 +206,31 @@ def heading_by_bank(
     blind, mute = without_headings(f), muted(f)
     end = (q.t[-1] - q.t0) * 1e-9 if len(q) else t_start
     step = 2 * np.pi / HYPOTHESES
-    yaws, alive = np.arange(HYPOTHESES) * step, np.ones(HYPOTHESES, np.bool_)
+    yaws = np.arange(0.0, HYPOTHESES, dtype=np.float64) * step
+    alive = np.ones(HYPOTHESES, np.bool_)
     for prefix in (p for p in PREFIXES if p <= longest):
         part = window(q, t_start, prefix, mute)
         scores = np.full(HYPOTHESES, -np.inf)
         for i in np.flatnonzero(alive):
             scores[i] = likelihood(blind, part, t_start, x, sd, yaws[i], SPREAD)
-        best = int(np.argmax(scores))
-        away = np.abs((yaws - yaws[best] + np.pi) % (2 * np.pi) - np.pi) > ELSEWHERE
-        if scores[best] - scores[away].max() > DECISIVE:
-            fine = yaws[best] + np.linspace(-step, step, FINE)
-            second = [likelihood(blind, part, t_start, x, sd, float(y), FINE_SPREAD) for y in fine]
-            yaw = float(fine[int(np.argmax(second))])
-            return yaw, 1.5 * FINE_SPREAD, f"heading from motion against position in the first {prefix:.0f} s"
-        alive = scores > scores[best] - HOPELESS
+        yaw, apart = consensus(yaws, scores)
+        if apart < AGREED:
+            fine = yaw + np.linspace(-step, step, FINE)
+            second = np.array([likelihood(blind, part, t_start, x, sd, float(y), FINE_SPREAD) for y in fine])
+            yaw, apart = consensus(fine, second)
+            how = f"heading from motion against position in the first {prefix:.0f} s"
+            return yaw, float(np.hypot(FINE_SPREAD, apart)), how
+        alive = scores > scores.max() - HOPELESS
         if t_start + prefix > end:
             break
     return None
+
+
+def consensus(yaws: Floats, scores: Floats) -> tuple[float, float]:
+    """Circular mean and deviation [rad] of headings (n,) that have log-likelihoods (n,)."""
+    votes = np.exp((scores - scores.max()) / TEMPER)
+    mean = np.sum(votes * np.exp(1j * yaws)) / votes.sum()
+    return float(np.angle(mean)), float(np.sqrt(-2.0 * np.log(np.clip(np.abs(mean), 1e-12, 1.0))))
 
 
 def muted(f: Filter) -> Bools:
