@@ -112,12 +112,9 @@ class Queue:
 
     def whole_instants(self, last: int, stop: int) -> int:
         """The least end >= last, at most `stop`, that parts no events of equal time."""
-        while 0 < last < stop and self._stamp(last) == self._stamp(last - 1):
+        while 0 < last < stop and self.t[last] == self.t[last - 1]:
             last += 1
         return last
-
-    def _stamp(self, i: int) -> int:
-        return int(self.parts[self.src[i]].t[self.index[i]])
 
     def events(self, first: int, last: int) -> Events:
         """Events first..last as arrays."""
