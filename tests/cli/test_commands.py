@@ -6,6 +6,7 @@ Tests that fuse more than once are for the compiled pass: as plain Python a seco
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,8 @@ import numpy as np
 import pytest
 import yaml
 
-from outrider.data import Run
+from outrider.data import EventLog, Fix
+from outrider.io.record import write_recording
 from outrider.io.runs import read_fused, read_summary
 
 WRITTEN = {
@@ -79,12 +81,15 @@ def test_an_earlier_result_is_replaced_only_by_force(outrider: Any, recording: P
 
 
 @pytest.mark.compiled
-def test_a_source_that_was_never_used_fails_the_check(
-    outrider: Any, recording: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    for idle, code in (((), 0), (("/gnss",), 1)):
-        monkeypatch.setattr(Run, "used_nothing_of", property(lambda _, idle=idle: idle))
-        assert outrider("fuse", recording, "-o", f"out{code}", "--no-report").code == code
+def test_a_source_that_was_never_used_fails_the_check(outrider: Any, small_log: EventLog, tmp_path: Path) -> None:
+    """A receiver without a fix: passed over in silence if nobody asked for it, a failure if the configuration did."""
+    gnss = small_log.streams["gnss"]
+    blind = replace(gnss, extra={**gnss.extra, "fix": np.full(len(gnss), float(Fix.NONE.value))})
+    write_recording(small_log.with_streams(blind), tmp_path / "blind.mcap")
+    assert outrider("fuse", "blind.mcap", "--no-report").code == 0
+    (tmp_path / "c.yaml").write_text("sources: {/gnss: {use: fuse}}")
+    asked = outrider("fuse", "blind.mcap", "--no-report", "-c", "c.yaml", "--force", "--json")
+    assert asked.code == 1 and json.loads(asked.out)["never_used"] == ["/gnss"]
 
 
 @pytest.mark.compiled

@@ -77,18 +77,17 @@ def _findings(out: Console, findings: Sequence[Mapping[str, str]], *, verbose: b
 
 
 def _accounts(out: Console, accounts: Sequence[Mapping[str, Any]], *, verbose: bool) -> None:
-    table = _table("source", "kind", "used as", ">received", ">used", ">Hz", ">NIS/dof", "state")
+    """One row per source; why a source is not fused stands below, where there is room for a sentence."""
+    table = _table("source", "kind", "use", ">received", ">used", ">Hz", ">NIS/dof", "state")
     for a in accounts:
-        cells = [
-            a["source"],
-            a["kind"].lower().replace("_", " "),
-            a["role"],
-            f"{a['received']}",
-            f"{a['used']}",
-            _number(a["rate_hz"]),
-        ]
-        table.add_row(*(escape(c) for c in cells), _number(a["nis_per_dof"]), a["state"] if a["used"] else NONE)
+        cells = (a["source"], a["kind"].lower().replace("_", " "), a["role"].split(":")[0])
+        counts = (f"{a['received']}", f"{a['used']}", _number(a["rate_hz"]), _number(a["nis_per_dof"]))
+        table.add_row(*(escape(c) for c in cells), *counts, a["state"] if a["used"] else NONE)
     _print_table(out, table)
+    for a in accounts:
+        use, _, why = a["role"].partition(": ")
+        if why and use != "fused":
+            out.print(Text(f"{a['source']} is {use}: {why}", "dim"))
     if verbose:
         _refused(out, accounts)
 
@@ -207,10 +206,14 @@ def _print_table(out: Console, table: Table) -> None:
 
 
 def _number(value: float | None, digits: int = 3) -> str:
-    """A few significant digits, never an exponent between a thousandth and a million."""
+    """A few significant digits, no exponent where it can be helped."""
     if value is None or not isfinite(value):
         return NONE
-    if value and not 1e-3 <= abs(value) < 1e6:
+    if value and not 1e-5 <= abs(value) < 1e6:
         return f"{value:.{digits - 1}e}"
     whole = len(str(int(abs(value))))
-    return f"{value:.{max(digits - whole, 0)}f}" if abs(value) >= 1 else f"{value:.{digits}g}"
+    return (
+        f"{value:.{max(digits - whole, 0)}f}"
+        if abs(value) >= 1
+        else f"{value:.{digits - 1 if abs(value) < 1e-3 else digits}g}"
+    )

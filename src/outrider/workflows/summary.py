@@ -1,7 +1,7 @@
 """A run in numbers: the document `outrider.run/1` that `--json` prints and the run's folder keeps."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from scipy.special import chdtri
@@ -17,6 +17,7 @@ UNITS = {
     "MAG": "rad", "IMU": "rad/s",
 }  # fmt: skip
 GOOD = (Outcome.OK, Outcome.DEGRADED)
+CONTRIBUTES = (Verdict.USED, Verdict.INPUT, Verdict.RESET, Verdict.WITHHELD)
 
 
 def summarise(run: Run) -> dict[str, Any]:
@@ -38,13 +39,22 @@ def summarise(run: Run) -> dict[str, Any]:
             for f in run.findings
         ],
         "resets": [_reset(r, run.start) for r in run.resets],
-        "never_used": list(run.used_nothing_of),
+        "never_used": list(never_used(run)),
     }
 
 
 def exit_code(run: Run) -> ExitCode:
     """Whether the job gave what was asked for: a valid end, and every source that was to be fused took part."""
-    return ExitCode.OK if run.outcome in GOOD and not run.used_nothing_of else ExitCode.FAILED_CHECK
+    return ExitCode.OK if run.outcome in GOOD and not never_used(run) else ExitCode.FAILED_CHECK
+
+
+def never_used(run: Run) -> tuple[str, ...]:
+    """Sources that were to be fused, by our choice or by `use: fuse` in the configuration, and contributed nothing."""
+    named = cast("Mapping[str, Mapping[str, object]]", run.config.get("sources", {}))
+    wanted = [name for name, section in named.items() if section.get("use") == "fuse"]
+    helped = [a.source for a in run.accounts if any(a.by_verdict.get(v) for v in CONTRIBUTES)]
+    idle = [name for name in wanted if not any(s == name or s.startswith(f"{name} ") for s in helped)]
+    return tuple(dict.fromkeys([*(f.source for f in run.findings if f.code == "never-used"), *idle]))
 
 
 def figures(run: Run) -> dict[str, Any]:

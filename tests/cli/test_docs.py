@@ -1,0 +1,61 @@
+"""The documentation names what exists: every key of the configuration, every exit code, every option it mentions."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from outrider.errors import ExitCode
+from outrider.workflows.settings import parse_config, schema
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+def sections(text: str) -> dict[str, str]:
+    parts = re.split(r"^## (\w+)$", text, flags=re.M)
+    return {"": parts[0], **dict(zip(parts[1::2], parts[2::2], strict=True))}
+
+
+def test_every_key_of_the_configuration_is_described_and_no_other() -> None:
+    told = sections((ROOT / "docs" / "config.md").read_text())
+    whole = schema()
+    parts = {"": whole, **{name.removesuffix("Section").lower(): d for name, d in whole["$defs"].items()}}
+    assert set(told) == set(parts)
+    for name, part in parts.items():
+        assert re.findall(r"^\| `(\w+)` \|", told[name], flags=re.M) == list(part["properties"]), name
+
+
+def test_configurations_in_the_documentation_are_valid() -> None:
+    import yaml
+
+    for page in PAGES:
+        for block in re.findall(r"```yaml\n(.*?)```", page.read_text(), flags=re.S):
+            data = yaml.safe_load(block)
+            if "streams" not in data:  # a mapping for a CSV
+                parse_config(data, str(page))
+
+
+def test_exit_codes() -> None:
+    text = (ROOT / "docs" / "exit-codes.md").read_text()
+    assert {int(c) for c in re.findall(r"^\| (\d+) \|", text, flags=re.M)} == set(ExitCode) - {ExitCode.LINK_LOST}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+def test_commands_and_links_exist(page: Path) -> None:
+    from typer.main import get_command
+
+    from outrider.cli.app import app
+
+    commands = get_command(app).commands  # type: ignore[attr-defined]
+    text = page.read_text()
+    for line in re.findall(r"^(?:\$ )?outrider (.*)$", text, flags=re.M):
+        name, *words = line.split()
+        if name.startswith("-"):
+            continue
+        options = {o for p in commands[name].params for o in (*p.opts, *p.secondary_opts)}
+        assert {w for w in words if re.match(r"-\w$|--\w", w)} <= options, line
+    for target in re.findall(r"\]\(([^)#]+)[^)]*\)", text):
+        assert (page.parent / target).exists(), target
+    for path in re.findall(r"`(examples/\S+?\.py)`", text):
+        assert (ROOT / path).exists(), path
