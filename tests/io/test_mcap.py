@@ -209,3 +209,14 @@ def test_empty_run(tmp_path: Path) -> None:
     empty = empty_estimates(LAYOUT)
     write_mcap(run_of(empty, resets=(), health={}), path)
     assert len(read(path)["/diagnostics"]) == 1
+
+
+def test_stamps_before_zero(tmp_path: Path, rng: np.random.Generator) -> None:
+    """A clock that starts at power-on, and a delay: the first stamps are negative, times of recording cannot be."""
+    fused = estimates(5, rng)
+    t = fused.t - T0 - 123 - 25 * 10**6
+    path = tmp_path / "run.mcap"
+    write_mcap(run_of(replace(fused, t=t, pose=replace(fused.pose, t=t)), start=-(10**8), resets=(), health={}), path)
+    rows = read(path)["/outrider/odometry/global"]
+    assert [m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for _, m in rows] == t.tolist()
+    assert [at for at, _ in rows] == np.maximum(t, 0).tolist()

@@ -150,10 +150,10 @@ def test_numbers_for_readers() -> None:
     assert [span(s) for s in (4.21, 59.0, 185.0, 3720.0)] == ["4.2 s", "59.0 s", "3 min 05 s", "1 h 02 min"]
 
 
-def test_gate_of_a_source_comes_before_the_common_one() -> None:
-    config = {"sources": {"a": {"noise": 1.0, "gate": 0.9}}, "health": {"gate_probability": 0.99}}
-    assert gate_tail(config, "a", 0.5) == pytest.approx(0.1)
-    assert gate_tail(config, "b", 0.5) == pytest.approx(0.01)
+def test_gate_of_a_source_and_of_its_uses() -> None:
+    config = {"sources": {"a": {"noise": 1.0, "gate": 0.9}, "off": {"gate": 1.0}}}
+    assert gate_tail(config, "a", 0.5) == gate_tail(config, "a (heading)", 0.5) == pytest.approx(0.1)
+    assert gate_tail(config, "ab", 0.001) == gate_tail(config, "off", 0.001) == 0.001
     assert gate_tail({}, "b", 0.001) == 0.001
 
 

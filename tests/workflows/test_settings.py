@@ -17,7 +17,7 @@ FAULTS = {
     "datum:\n  lat_deg: 12\n": (1, r"datum\.lon_deg: is missing .all keys here: lat_deg, lon_deg, alt_m"),
     "preset: amr\n": (1, r"preset: cannot be 'amr' .did you mean 'amr2025'\?"),
     "sources: {/fix: {use: fus}}\n": (1, r"use: cannot be 'fus' .did you mean 'fuse'\?"),
-    "sources: {/fix: {sigma: -1}}\n": (1, r"sources\./fix\.sigma: should be greater than 0, is -1"),
+    "sources: {/fix: {track_m: -1}}\n": (1, r"sources\./fix\.track_m: should be greater than 0, is -1"),
     "sources: {/fix: {gate: 1.5}}\n": (1, r"gate: should be less than or equal to 1, is 1.5"),
     "mounts:\n  imu:\n    xyz_m: [0, 0]\n": (3, r"mounts\.imu\.xyz_m: needs more numbers than 2"),
     "beacons:\n  - {id: 1, xyz_m: [1, 2, 3]}\n  - {id: 2}\n": (3, r"beacons\.1\.xyz_m: is missing"),

@@ -48,7 +48,7 @@ def _write(bag: Path, messages: Messages, sources: list[Source], about: Mapping[
         of = {c.topic: c for c in connections}
         tagged = [_tagged(of[topic], rows) for topic, _, rows in sources]
         for t, connection, raw in heapq.merge(*tagged, key=itemgetter(0)):
-            writer.write(connection, t, raw)
+            writer.write(connection, max(t, 0), raw)  # a delay may date records back to before power-on
 
 
 def _tagged(connection: Any, rows: Iterator[tuple[int, bytes]]) -> Iterator[tuple[int, Any, bytes]]:

@@ -242,20 +242,11 @@ def _jump(reset: Reset) -> str:
 
 
 def gate_tail(config: Mapping[str, object], source: str, default: float) -> float:
-    """How rarely the gate refuses a good record: by the source's own `gate...` probability, or the common one."""
-    sources = config.get("sources")
-    own = cast("Mapping[str, object]", sources).get(source) if isinstance(sources, Mapping) else None
-    common = {k: v for k, v in config.items() if k != "sources"}
-    return next((1.0 - p for part in (own, common) for p in _gates(part) if 0.5 < p < 1.0), default)
-
-
-def _gates(config: object) -> list[float]:
-    """Every number in nested settings whose name begins with `gate`."""
-    if not isinstance(config, Mapping):
-        return []
-    items = cast("Mapping[str, object]", config).items()
-    here = [v for k, v in items if k.startswith("gate") and isinstance(v, float)]
-    return here + [p for _, v in items for p in _gates(v)]
+    """How rarely the gate refuses a good record: by `sources.NAME.gate`; a source may have several uses, "NAME (use)"."""
+    sources = cast("Mapping[str, Mapping[str, object]]", config.get("sources", {}))
+    own = next((section for name, section in sources.items() if f"{source} ".startswith(f"{name} ")), {})
+    gate = own.get("gate")
+    return 1.0 - gate if isinstance(gate, float) and 0.5 < gate < 1.0 else default
 
 
 def outline(value: object, indent: int = 0) -> str:
