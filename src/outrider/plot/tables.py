@@ -242,7 +242,7 @@ def _jump(reset: Reset) -> str:
 
 
 def gate_tail(config: Mapping[str, object], source: str, default: float) -> float:
-    """How rarely the gate refuses a good record: by `sources.NAME.gate`; a source may have several uses, "NAME (use)"."""
+    """How rarely the gate refuses a good record: by `sources.NAME.gate`; a source may have uses, "NAME (use)"."""
     sources = cast("Mapping[str, Mapping[str, object]]", config.get("sources", {}))
     own = next((section for name, section in sources.items() if f"{source} ".startswith(f"{name} ")), {})
     gate = own.get("gate")

@@ -2,13 +2,13 @@
 
 import tempfile
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import BinaryIO, Final, cast, final
 
 import numpy as np
 
 from outrider.core.attitudes import rpy_to_quats
-from outrider.data import Account, Estimates, Innovations, SensorState, StateLayout, Stream, Trajectory, Verdict
+from outrider.data import Account, Datum, Estimates, Innovations, SensorState, StateLayout, Stream, Trajectory, Verdict
 from outrider.filters.channels import Channel, Records
 from outrider.filters.engine import Events, Filter, Track
 from outrider.filters.step import OUT_DOF, OUT_NIS, OUT_S, OUT_STATE, OUT_VERDICT, OUT_Y
@@ -33,6 +33,9 @@ class Spool:
     def __init__(self, shape: tuple[int, ...], dtype: type = np.float64) -> None:
         self._shape, self._dtype, self._rows = shape, np.dtype(dtype), 0
         self._file = cast("BinaryIO", tempfile.SpooledTemporaryFile(max_size=IN_MEMORY))  # noqa: SIM115
+
+    def __del__(self) -> None:
+        self._file.close()  # what `array` has mapped stays mapped
 
     def append(self, rows: np.ndarray) -> None:
         """Add rows of the spool's shape."""
@@ -127,8 +130,8 @@ class Collector:
         tally.dof.append(rows[:, OUT_DOF].astype(np.int64))
         tally.verdict.append(verdict[scored])
 
-    def estimates(self) -> Estimates:
-        """Everything written so far as the filter's output."""
+    def estimates(self, datum: Datum | None = None) -> Estimates:
+        """Everything written so far as the filter's output; `datum` ties its poses to the Earth."""
         layout, t = self._f.layout, self._t.array()
         x, sd, age, P = self._x.array(), self._sd.array(), self._age.array(), self._P.array()
         return Estimates(
@@ -137,7 +140,7 @@ class Collector:
             x=x,
             sd=sd,
             valid=validity(layout, x, sd, age),
-            pose=poses(self._f.motion, layout, t, x, P, sd, age),
+            pose=replace(poses(self._f.motion, layout, t, x, P, sd, age), datum=datum),
         )
 
     def innovations(self) -> dict[str, Innovations]:
