@@ -50,7 +50,7 @@ def enabled() -> bool:
 
 def is_warm() -> bool:
     """Whether an earlier run has left compiled kernels on the disk."""
-    return not enabled() or any(cache_directory().rglob("*.nbc"))
+    return not enabled() or any(Path(numba.config.CACHE_DIR).rglob("*.nbc"))  # type: ignore[attr-defined]
 
 
 def _compile(function: Callable[..., object], *, callable_from_python: bool) -> Any:
