@@ -185,8 +185,8 @@ def stuck(s: Stream, turning: tuple[Ints, Floats]) -> Bools:
     t, rate = turning
     out = np.zeros(len(s), np.bool_)
     same = (s.z[1:] == s.z[:-1]).all(axis=1)
-    starts = np.flatnonzero(np.concatenate([[True], ~same])) if len(s) else np.zeros(0, np.int64)
-    for a, b in zip(starts, np.append(starts[1:], len(s)), strict=True):
+    ends = np.append(np.flatnonzero(~same) + 1, len(s))
+    for a, b in zip(np.append(0, ends[:-1]), ends, strict=True):
         if b - a <= FROZEN_RECORDS or not s.z[a].any():
             continue
         first, last = np.searchsorted(t, s.t[[a, b - 1]])
