@@ -22,6 +22,7 @@ Rule: TypeAlias = Callable[[Draft, Stream], None]
 PRECISE: Final = 0.15  # m: an untyped fix that claims less is taken as fixed
 PLAIN_FIXES: Final = frozenset({Fix.UNKNOWN.value, Fix.SINGLE.value, Fix.SBAS.value, Fix.DGNSS.value, Fix.FLOAT.value})
 NO_FIX: Final = frozenset({Fix.NONE.value})
+RANGE_SIGMA: Final = 0.3  # m, of a radio range outdoors that states none: multipath, not the clock, sets it
 DATED: Final = 1_000_000_000_000_000_000  # ns: an earlier stamp counts from power-on, not from 1970
 UNDATED_YEAR: Final = 2025.5  # the middle of the bundled magnetic model
 
@@ -182,8 +183,8 @@ def ranges(d: Draft, s: Stream) -> None:
     for beacon in sorted(seen & set(known)):
         theta = d.mount(s).theta(*known[beacon])
         sensor = Sensor.RANGE if s.kind is Kind.RANGE else Sensor.RANGE_BEARING
-        rows = "1" if sensor is Sensor.RANGE else "11"
-        d.add(s, sensor, rows, theta=theta, beacon=float(beacon), name=f"{s.name} #{beacon:g}")
+        rows, sigma = ("1", (RANGE_SIGMA,)) if sensor is Sensor.RANGE else ("11", ())
+        d.add(s, sensor, rows, theta=theta, sigma=sigma, beacon=float(beacon), name=f"{s.name} #{beacon:g}")
     if not seen & set(known):
         listed = ", ".join(f"{b:g}" for b in sorted(seen))
         d.skip(s, f"the places of its beacons ({listed}) are unknown: give `beacons`")
