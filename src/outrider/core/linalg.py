@@ -2,54 +2,96 @@
 
 A process Jacobian has three to five non-zeros a row and a measurement Jacobian often one, so testing an entry before a
 row operation of n multiplications costs little and saves most of the work, whatever the model.
+
+Some kernels count with unsigned integers: numba tests every signed index for being negative, up to a third of the time.
 """
 
+import numpy as np
+
 from outrider._kernel import kernel
-from outrider.typing import Floats
+from outrider.typing import Floats, Ints
 
 
 @kernel
-def sandwich(P: Floats, F: Floats, Q: Floats, W: Floats) -> None:
-    """P <- F P F' + Q.  P, F, Q, W (n, n); W is scratch. Only rows of F that differ from the identity cost anything."""
-    n = P.shape[0]
-    for i in range(n):  # W = F P, row by row
-        first = True
-        for k in range(n):
-            f = F[i, k]
-            if f != 0.0:
-                if first:
-                    for j in range(n):
-                        W[i, j] = f * P[k, j]
-                    first = False
-                else:
-                    for j in range(n):
-                        W[i, j] += f * P[k, j]
-        if first:
-            for j in range(n):
-                W[i, j] = 0.0
-    for i in range(n):  # P' = F W', and P is symmetric
-        first = True
-        for k in range(n):
-            f = F[i, k]
-            if f != 0.0:
-                if first:
-                    for j in range(n):
-                        P[i, j] = f * W[j, k]
-                    first = False
-                else:
-                    for j in range(n):
-                        P[i, j] += f * W[j, k]
-        if first:
-            for j in range(n):
-                P[i, j] = 0.0
+def sandwich(P: Floats, F: Floats, Q: Floats, W: Floats, at: Ints) -> None:
+    """P <- F P F' + Q.  P, F, Q (n, n); W (n, n) and at (n, n + 1) are scratch. Only non-zeros of F cost anything.
+
+    First W = F P row by row. Then P = W F' one entry at a time: of (i, j) and (j, i), which are equal, the shorter sum.
+    """
+    n = np.uint64(P.shape[0])
+    non_zeros(F, at)
+    times(F, at, P, W)
     for i in range(n):
-        P[i, i] += Q[i, i]
-        for j in range(i):
-            mean = 0.5 * (P[i, j] + P[j, i]) + Q[i, j]
-            # A correlation that updates wear away ends as a denormal number, and those cost a hundred times more.
-            mean = mean if abs(mean) > 1e-60 else 0.0
-            P[i, j] = mean
-            P[j, i] = mean
+        for j in range(i + np.uint64(1)):
+            s, t = (i, j) if at[i, n] < at[j, n] else (j, i)
+            entry = F[s, s] * W[t, s] + Q[i, j]
+            for l in range(np.uint64(at[s, n])):
+                k = np.uint64(at[s, l])
+                entry += F[s, k] * W[t, k]
+            P[i, j] = entry
+            P[j, i] = entry
+
+
+@kernel
+def non_zeros(F: Floats, at: Ints) -> None:
+    """at[i] <- the columns of the non-zeros of F beside the diagonal, and in the last place of the row how many."""
+    n = np.uint64(F.shape[0])
+    for i in range(n):
+        count = np.uint64(0)
+        for k in range(n):
+            if F[i, k] != 0.0 and k != i:
+                at[i, count] = k
+                count += np.uint64(1)
+        at[i, n] = count
+
+
+@kernel
+def times(F: Floats, at: Ints, P: Floats, W: Floats) -> None:
+    """W <- F P, with the non-zeros of F from `non_zeros`: three rows of P at a time, since each pass reads W."""
+    n = np.uint64(F.shape[0])
+    one, two, three = np.uint64(1), np.uint64(2), np.uint64(3)
+    for i in range(n):
+        d, count = F[i, i], np.uint64(at[i, n])
+        for j in range(n):
+            W[i, j] = d * P[i, j]
+        full = count - count % three
+        for l in range(np.uint64(0), full, three):
+            p, q, r = np.uint64(at[i, l]), np.uint64(at[i, l + one]), np.uint64(at[i, l + two])
+            a, b, c = F[i, p], F[i, q], F[i, r]
+            for j in range(n):
+                W[i, j] += a * P[p, j] + b * P[q, j] + c * P[r, j]
+        for l in range(full, count):
+            p = np.uint64(at[i, l])
+            a = F[i, p]
+            for j in range(n):
+                W[i, j] += a * P[p, j]
+
+
+@kernel
+def add_product(sign: float, A: Floats, B: Floats, m: int, M: Floats) -> None:
+    """M <- M + sign A' B over the first m rows of A and B, three at a time: rows up to the next three must be zero."""
+    n, width = np.uint64(M.shape[0]), np.uint64(M.shape[1])
+    one, two, three = np.uint64(1), np.uint64(2), np.uint64(3)
+    for k in range(np.uint64(0), np.uint64(m), three):
+        for i in range(n):
+            a, b, c = sign * A[k, i], sign * A[k + one, i], sign * A[k + two, i]
+            for j in range(width):
+                M[i, j] += a * B[k, j] + b * B[k + one, j] + c * B[k + two, j]
+
+
+@kernel
+def mirror(M: Floats, P: Floats) -> None:
+    """P <- the lower triangle of M and its reflection.  P (n, n); M (n, n) or wider.
+
+    A correlation that updates wear away ends as a denormal number, a hundred times as slow: zero below 1e-60.
+    """
+    n = np.uint64(P.shape[0])
+    for i in range(n):
+        for j in range(i + np.uint64(1)):
+            entry = M[i, j]
+            entry = entry if abs(entry) > 1e-60 else 0.0
+            P[i, j] = entry
+            P[j, i] = entry
 
 
 @kernel

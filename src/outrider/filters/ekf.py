@@ -14,8 +14,10 @@ import numpy as np
 
 from outrider._kernel import kernel
 from outrider.core.linalg import (
+    add_product,
     cholesky,
     innovation_covariance,
+    mirror,
     sandwich,
     solve_lower,
     solve_lower_rows,
@@ -34,7 +36,7 @@ from outrider.typing import Floats, Ints
 class Work(NamedTuple):
     """Scratch of one filter, reused by every step. m is the largest number of measurements in one update.
 
-    Rows are padded with zeros to whole vector registers (16 numbers) and measurements to threes, which halves the time.
+    Rows are padded with zeros to whole vector registers (8 numbers) and measurements to threes, which halves the time.
     """
 
     HP: Floats  # (m, n)  H P, afterwards the second factor of the Joseph form
@@ -43,15 +45,27 @@ class Work(NamedTuple):
     v: Floats  # (m,)    L^-1 y, the whitened innovation
     K: Floats  # (m, n)  the gain, transposed
     M: Floats  # (n, n)
+    W: Floats  # (n, n)  F P, not padded
+    at: Ints  # (n, n + 1) where F is not zero
     dx: Floats  # (n,)   the correction
     J: Floats  # (3, 3)
 
 
 def workspace(n: int, m: int) -> Work:
     """Scratch for n error states and at most m measurements."""
-    rows, width = -(-m // 3) * 3, -(-n // 16) * 16
-    shapes = ((rows, width), (m, m), (m, m), (m,), (rows, width), (n, width), (n,), (3, 3))
-    return Work(*(np.zeros(shape) for shape in shapes))
+    rows, width = -(-m // 3) * 3, -(-n // 8) * 8
+    return Work(
+        HP=np.zeros((rows, width)),
+        S=np.zeros((m, m)),
+        L=np.zeros((m, m)),
+        v=np.zeros(m),
+        K=np.zeros((rows, width)),
+        M=np.zeros((n, width)),
+        W=np.zeros((n, n)),
+        at=np.zeros((n, n + 1), np.int64),
+        dx=np.zeros(n),
+        J=np.zeros((3, 3)),
+    )
 
 
 @kernel
@@ -115,25 +129,7 @@ def joseph(P: Floats, H: Floats, r: Floats, m: int, w: Work) -> None:
                 for j in range(width):
                     w.HP[k, j] += h * w.M[i, j]
     add_product(-1.0, w.K, w.HP, m, w.M)
-    for i in range(n):
-        for j in range(i + 1):
-            P[i, j] = w.M[i, j]
-            P[j, i] = w.M[i, j]
-
-
-@kernel
-def add_product(sign: float, A: Floats, B: Floats, m: int, M: Floats) -> None:
-    """M <- M + sign A' B over the first m rows of A and B, three at a time: rows up to the next three must be zero.
-
-    Unsigned indices spare the compiler its test for negative ones, a third of the time here.
-    """
-    n, width = np.uint64(M.shape[0]), np.uint64(M.shape[1])
-    one, two, three = np.uint64(1), np.uint64(2), np.uint64(3)
-    for i in range(n):
-        for k in range(np.uint64(0), np.uint64(m), three):
-            a, b, c = sign * A[k, i], sign * A[k + one, i], sign * A[k + two, i]
-            for j in range(width):
-                M[i, j] += a * B[k, j] + b * B[k + one, j] + c * B[k + two, j]
+    mirror(w.M, P)
 
 
 @kernel
@@ -177,7 +173,7 @@ def correct(x: Floats, P: Floats, H: Floats, r: Floats, m: int, keep: Floats, ta
 @kernel
 def propagate(P: Floats, F: Floats, Q: Floats, w: Work) -> None:
     """P <- F P F' + Q."""
-    sandwich(P, F, Q, w.M)
+    sandwich(P, F, Q, w.W, w.at)
 
 
 # ------------------------------------------------------------------------------------------------ pure steps
@@ -203,7 +199,7 @@ def predict(belief: Gaussian, x_new: Floats, F: Floats, Q: Floats) -> Gaussian:
     F, Q : (n, n) Jacobian of the step by the error state, and the noise it adds to the error state
     """
     P = belief.P.copy()
-    sandwich(P, np.ascontiguousarray(F, float), np.ascontiguousarray(Q, float), np.zeros_like(P))
+    propagate(P, np.ascontiguousarray(F, float), np.ascontiguousarray(Q, float), workspace(P.shape[0], 1))
     return Gaussian(np.array(x_new, float), P, belief.layout)
 
 

@@ -14,11 +14,11 @@ import numpy as np
 
 from outrider._kernel import kernel
 from outrider.core.angles import wrap
-from outrider.core.linalg import cholesky, solve_lower, solve_lower_rows, solve_upper_rows
+from outrider.core.linalg import add_product, cholesky, mirror, solve_lower, solve_lower_rows, solve_upper_rows
 from outrider.core.manifold import local, retract, rotate_right
 from outrider.data.belief import Gaussian
 from outrider.errors import ConfigError, DataError
-from outrider.filters.ekf import Updated, add_product, kept, transport
+from outrider.filters.ekf import Updated, kept, transport
 from outrider.typing import Floats, Ints
 
 # ------------------------------------------------------------------------------------------------ kernels
@@ -192,10 +192,7 @@ def _finish(P: Floats, w: Work) -> None:
         for j in range(n):
             w.WE[i, j] = w.wc[i] * w.E[i, j]
     add_product(1.0, w.WE, w.E, p, w.M)
-    for i in range(n):
-        for j in range(i + 1):
-            P[i, j] = w.M[i, j]
-            P[j, i] = w.M[i, j]
+    mirror(w.M, P)
 
 
 @kernel
