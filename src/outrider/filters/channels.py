@@ -122,13 +122,11 @@ def measurement(channel: Channel, s: Stream, datum: Datum | None) -> tuple[Float
         return site_position(s, datum), gnss_variance(s)
     if s.kind is Kind.IMU:
         R = channel.mount.reshape(3, 3)
+        part = slice(3, 6) if channel.sensor is Sensor.SPECIFIC_FORCE else slice(0, 3)
         with np.errstate(invalid="ignore", over="ignore"):  # such records have been refused
-            gyro, accel = s.z[:, :3] @ R.T, s.z[:, 3:] @ R.T
-        if channel.sensor is None:
-            return np.concatenate([gyro, accel], axis=1), unstated
-        if channel.sensor is Sensor.SPECIFIC_FORCE:
-            return accel, s.var[:, 3:] @ (R.T**2)
-        return gyro, s.var[:, :3] @ (R.T**2)
+            if channel.sensor is None:
+                return np.concatenate([s.z[:, :3] @ R.T, s.z[:, 3:] @ R.T], axis=1), unstated
+            return s.z[:, part] @ R.T, s.var[:, part] @ (R.T**2)
     columns = SPECS[channel.sensor].variances if channel.sensor is not None else ()
     for row, column in enumerate(columns[:m]):
         if 0 <= column < s.var.shape[1]:
@@ -178,7 +176,8 @@ def gnss_variance(s: Stream) -> Floats:
     var = np.where((s.var > 0.0) & (s.var < ABSURD), s.var, np.nan)
     for name, columns in (("hacc", slice(0, 2)), ("vacc", slice(2, 3))):
         if name in s.extra:
-            stated = np.where(s.extra[name] > 0.0, s.extra[name], np.nan) ** 2
+            claim = s.extra[name]
+            stated = np.where((claim > 0.0) & (claim < ABSURD**0.5), claim, np.nan) ** 2
             var[:, columns] = np.where(np.isfinite(var[:, columns]), var[:, columns], stated[:, None])
     for name, columns in (("hdop", slice(0, 2)), ("vdop", slice(2, 3))):
         if name in s.extra:

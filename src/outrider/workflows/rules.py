@@ -48,7 +48,7 @@ def gnss(d: Draft, s: Stream) -> None:
     if d.section(s).sigma is None and untyped_but_precise(s):
         precise, plain = precise | {Fix.UNKNOWN.value}, plain - {Fix.UNKNOWN.value}
     passed = d.passed(s.name)
-    fixes = {int(f) for f in np.unique(passed.extra["fix"])} if "fix" in passed.extra else {Fix.UNKNOWN.value}
+    fixes = set(np.unique(passed.extra["fix"]).tolist()) if "fix" in passed.extra else {Fix.UNKNOWN.value}
     reset = (d.error_row("position"), rows.count("1"))
     if fixes & plain:  # records without a fix are refused wherever they go: here, to be counted once
         d.add(s, Sensor.GNSS_POSITION, rows, fixes=plain | NO_FIX, reset=reset)
