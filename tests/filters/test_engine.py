@@ -169,6 +169,7 @@ def test_events_of_one_instant_at_the_edge_of_the_history():
     assert same(filter_.state, whole)
 
 
+@pytest.mark.compiled  # on a log of full length
 @pytest.mark.parametrize("ns", [1000, -1000])
 def test_a_microsecond_moves_the_position_by_microseconds(case, ns):
     f, log, truth = case
@@ -338,6 +339,7 @@ def test_a_refused_record_touches_nothing(flag):
     assert late[OUT_VERDICT] == Verdict.USED and filter_.rewinds == 0
 
 
+@pytest.mark.compiled  # on a log of full length; a short one has not yet forgotten where its steps were cut
 def test_a_withheld_record_is_scored_and_not_fused(case):
     f, log, _ = case
     held = replace(f, channels=tuple(replace(c, role="scored") if c.name == "gnss" else c for c in f.channels))
