@@ -235,7 +235,9 @@ def still_drone(tilt: tuple[float, float], rate=(0.0, 0.0, 0.0), noise: float = 
     return f, EventLog(streams={"imu": stream("imu", Kind.IMU, t, z), "gnss": gnss})
 
 
-@pytest.mark.parametrize("tilt", [(0.0, 0.0), (0.2, -0.3), (-1.0, 0.4), (3.0, 0.1)])
+@pytest.mark.parametrize(
+    "tilt", [(0.2, -0.3), *(pytest.param(t, marks=needs_speed) for t in ((-1.0, 0.4), (3.0, 0.1)))]
+)
 def test_gravity_levels_at_rest(tilt):
     f, log = still_drone(tilt, rate=(0.01, -0.02, 0.005))
     a = aligned(f, log, DRONE_SPREAD)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from support import channel, prior, publish
+from support import COMPILED, channel, prior, publish
 
 from outrider.core.manifold import local, retract
 from outrider.core.rotations import quat_exp, quat_multiply
@@ -50,9 +50,8 @@ from outrider.models.sensors import (
 )
 from outrider.typing import Floats
 
-pytestmark = pytest.mark.compiled  # a Monte Carlo
-
-DT, STEPS = 0.1, 80
+monte_carlo = pytest.mark.compiled
+DT, STEPS = 0.1, 80 if COMPILED else 5
 SEEDS, MISMATCHED = 60, 12
 LEVER = Mount(lever_arm=(0.3, -0.1, 0.5))
 PROBABILITY, TESTS = 0.999, 32  # four filters, four models, two statistics
@@ -281,7 +280,7 @@ def by_steps(make: Callable[[int], Estimator]) -> Runner:
     return run
 
 
-MEMBERS = 600
+MEMBERS = 600 if COMPILED else 200
 FILTERS: dict[str, Runner] = {
     "EKF": by_engine,
     "UKF": by_steps(lambda seed: Unscented()),
@@ -412,12 +411,23 @@ def test_the_engine_is_the_extended_filter():
         np.testing.assert_allclose(by_engine(p, data, 0), plain(p, data, 0), rtol=1e-6)
 
 
+def test_filters_agree_where_the_problem_is_nearly_linear():
+    p = follower()
+    data = trial(p, 0)
+    exact = by_engine(p, data, 0)
+    np.testing.assert_allclose(FILTERS["UKF"](p, data, 0), exact, rtol=0.02)
+    for name in ("EnKF", "ETKF"):
+        np.testing.assert_allclose(FILTERS[name](p, data, 0)[1:], exact[1:], rtol=0.1)
+
+
+@monte_carlo
 @pytest.mark.parametrize("problem", PROBLEMS)
 def test_the_extended_filter_is_honest(problem):
     p = PROBLEMS[problem]()
     assert assess(FILTERS["EKF"], p, trials(p, 60)).inside
 
 
+@monte_carlo
 @pytest.mark.parametrize("mismatch", MISMATCHES)
 @pytest.mark.parametrize("problem", PROBLEMS)
 def test_a_mismatched_extended_filter_is_found_out(problem, mismatch):
@@ -426,6 +436,7 @@ def test_a_mismatched_extended_filter_is_found_out(problem, mismatch):
     assert not assess(run, believed, trials(p, MISMATCHED)).inside
 
 
+@monte_carlo
 @pytest.mark.parametrize("filter_", ["UKF", "EnKF", "ETKF"])
 @pytest.mark.parametrize("problem", ["planar", "follower"])
 def test_other_filters_are_honest_on_small_problems(problem, filter_):
@@ -433,6 +444,7 @@ def test_other_filters_are_honest_on_small_problems(problem, filter_):
     assert assess(FILTERS[filter_], p, trials(p, 8)).inside
 
 
+@monte_carlo
 @pytest.mark.parametrize("square_root", [False, True], ids=["EnKF", "ETKF"])
 def test_an_ensemble_not_corrected_for_its_size_is_over_confident(square_root):
     p = planar()
