@@ -16,10 +16,6 @@ $(VENV)/.ready: pyproject.toml constraints.txt
 	$(RUN) pip install --quiet --disable-pip-version-check -c constraints.txt --group dev -e .
 	touch $@
 
-$(VENV)/.bench: $(VENV)/.ready
-	$(RUN) pip install --quiet --disable-pip-version-check -c constraints.txt --group bench
-	touch $@
-
 lint: $(VENV)/.ready
 	$(RUN) ruff check src tests benchmarks examples
 	$(RUN) ruff format --check src tests benchmarks examples
@@ -40,7 +36,7 @@ check-plain: $(VENV)/.ready
 evidence: $(VENV)/.ready
 	$(RUN) pytest -m evidence -s
 
-bench: $(VENV)/.bench
+bench: $(VENV)/.ready
 	$(RUN) benchmarks
 
 clean:

@@ -169,12 +169,13 @@ def test_events_of_one_instant_at_the_edge_of_the_history():
     assert same(filter_.state, whole)
 
 
-@pytest.mark.compiled  # on a log of full length
 @pytest.mark.parametrize("ns", [1000, -1000])
 def test_a_microsecond_moves_the_position_by_microseconds(case, ns):
     f, log, truth = case
     log = scattered(log)
     bound = 1e-5 * np.linalg.norm(truth.v, axis=1).max()
+    if bound < 1e-6:
+        pytest.skip("the law is about a moving robot: this log ends before take-off")
     before, _ = batch(f, queued(f, log), t_start=-0.1)
     for name in sorted({c.stream for c in f.channels}):
         q = queue(parts(f, shifted(log, name, ns)), log.span[0], f.history)
@@ -339,14 +340,15 @@ def test_a_refused_record_touches_nothing(flag):
     assert late[OUT_VERDICT] == Verdict.USED and filter_.rewinds == 0
 
 
-@pytest.mark.compiled  # on a log of full length; a short one has not yet forgotten where its steps were cut
 def test_a_withheld_record_is_scored_and_not_fused(case):
     f, log, _ = case
     held = replace(f, channels=tuple(replace(c, role="scored") if c.name == "gnss" else c for c in f.channels))
-    gone = replace(f, channels=tuple(c for c in f.channels if c.name != "gnss"))
+    # The prediction stops at every record, so the yardstick is a receiver that says nothing, not one that is missing.
+    mute = [replace(c, sigma=np.full(3, np.inf), trust_stated=False) if c.name == "gnss" else c for c in f.channels]
+    dumb = replace(f, channels=tuple(mute))
     s, sink = batch(held, queued(held, log))
-    t, _ = batch(gone, queued(gone, log))
-    np.testing.assert_allclose(s.x, t.x, atol=1e-9)  # the prediction stops at withheld records, too
+    t, _ = batch(dumb, queued(dumb, log))
+    assert np.array_equal(s.x, t.x) and np.array_equal(s.P, t.P)
     out = sink.outcomes()
     scored = out[out[:, OUT_VERDICT] == Verdict.WITHHELD]
     assert scored.shape[0] == len(log.streams["gnss"])
