@@ -19,6 +19,8 @@ COMMAND_LINES = {
     "": "Missing argument",
     "{log} --bogus": "No such option",
     "{log} --start soon": "--start",
+    "{log} --start nan": "no finite number",
+    "{log} --start 5 --end 4": "ends before it starts",
     "{log} --mount imu": "write FRAME=x,y,z,roll,pitch,yaw",
     "{log} --mount imu=1,2": "has 2 numbers",
     "{log} --mount imu=1,2,x": "no number",
@@ -139,10 +141,13 @@ def test_a_mount_that_gravity_contradicts_is_named(outrider: Any, tmp_path: Path
     half = float(np.sqrt(0.5))
     log = small_patrol(mount=(half, 0.0, 0.0, half))  # rolled by 90 degrees
     write_recording(replace(log, mounts={}), tmp_path / "log.mcap")
-    codes = []
+    codes: list[set[str]] = []
+    exits: list[int] = []
     for more in ((), ("--mount", "imu=0,0,0,90,0,0")):
         done = outrider("fuse", "log.mcap", "--json", "--no-report", "--force", *more)
+        exits.append(done.code)
         codes.append({f["code"] for f in json.loads(done.out)["findings"]})
+    assert exits == [1, 0]
     assert "mount-conflict" in codes[0] and "mount-conflict" not in codes[1]
 
 

@@ -406,6 +406,17 @@ def test_bare_files_and_directories_without_metadata(tmp_path: Path, bare: bool)
         assert len(read_rosbag(data if bare else path).streams["/imu"]) == 20
 
 
+def test_different_recordings_in_one_directory_are_not_merged(tmp_path: Path) -> None:
+    recorder = Recorder("mcap")
+    day = tmp_path / "day"
+    day.mkdir()
+    for name in ("north", "south"):
+        part = recorder.write(tmp_path / name, rows_of_imu(recorder, 5))
+        shutil.copy(part / f"{name}.mcap", day)
+    with pytest.raises(DataError, match="2 different recordings"):
+        read_rosbag(day)
+
+
 def test_split_and_compressed(tmp_path: Path) -> None:
     recorder = Recorder("mcap")
     rows = rows_of_imu(recorder, 30)

@@ -108,6 +108,14 @@ def test_a_failed_replacement_keeps_the_earlier_run(tmp_path: Path) -> None:
     assert {p.name: p.read_bytes() for p in folder.iterdir()} == before and names(tmp_path) == ["run"]
 
 
+def test_two_runs_into_one_new_folder_lose_neither(tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    with pytest.raises(OutputExistsError), run_folder(folder) as part:
+        write_run(small_run(), part, {"schema": SCHEMA})
+        write(folder, small_run(), round=1)
+    assert json.loads((folder / SUMMARY).read_text())["round"] == 1 and names(tmp_path) == ["run"]
+
+
 @pytest.mark.parametrize("force", [False, True])
 def test_what_is_no_run_is_never_overwritten(tmp_path: Path, force: bool) -> None:
     home, file = tmp_path / "home", tmp_path / "file"

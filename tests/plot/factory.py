@@ -66,6 +66,9 @@ def estimates(pose: Trajectory) -> Estimates:
     return Estimates(layout=LAYOUT, t=pose.t, x=x, sd=sd, valid=valid, pose=pose)
 
 
+UNITS = {"x": "m", "y": "m", "heading": "rad", "v_x": "m/s", "w_z": "rad/s"}
+
+
 def innovations(t_s: Floats, columns: tuple[str, ...], seed: int = 1, outliers: float = 0.03) -> Innovations:
     """White innovations of the stated size with some gross outliers that were gated."""
     rng = np.random.default_rng(seed)
@@ -77,7 +80,15 @@ def innovations(t_s: Floats, columns: tuple[str, ...], seed: int = 1, outliers: 
     dof = np.full(t_s.size, len(columns), np.int64)
     verdict = np.where(nis > 16, int(Verdict.GATED), int(Verdict.USED))
     return Innovations(
-        t=T0 + (t_s * 1e9).astype(np.int64), y=y, s=s, nis=nis, dof=dof, verdict=verdict, z=y.copy(), columns=columns
+        t=T0 + (t_s * 1e9).astype(np.int64),
+        y=y,
+        s=s,
+        nis=nis,
+        dof=dof,
+        verdict=verdict,
+        z=y.copy(),
+        columns=columns,
+        units=tuple(UNITS[c] for c in columns),
     )
 
 

@@ -137,7 +137,8 @@ class Innovations:
     """Every scored record of one source.
 
     t : (n,) ns;  y, s : (n, m) innovation and its predicted standard deviation (NaN rows unused);  nis : (n,);
-    dof : (n,);  verdict : (n,) `Verdict` codes;  columns : m names;  z : (n, m) the measurement in the site frame.
+    dof : (n,);  verdict : (n,) `Verdict` codes;  columns, units : m names and SI units;  z : (n, m) the measurement in
+    the site frame.
     """
 
     t: Ints
@@ -148,6 +149,7 @@ class Innovations:
     verdict: Ints
     z: Floats
     columns: tuple[str, ...]
+    units: tuple[str, ...]
 
 
 @final

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 DATA_SUFFIXES = (".bag", ".mcap", ".db3")
 _SIGNS = {b"#ROSBAG V": "rosbag1", b"\x89MCAP0\r\n": "mcap", b"SQLite format 3\0": "sqlite3"}
 _INT64 = 2**63
+_NUMBER = re.compile(r"_\d+$")
 _COMPRESSED = re.compile(r"compression_mode:\s*['\"]?(file|message)\b", re.IGNORECASE)
 
 
@@ -83,6 +84,9 @@ def open_bags(path: Path, stack: ExitStack, notes: list[str]) -> list[Bag]:
     if not files:
         kinds = " ".join(DATA_SUFFIXES)
         raise DataError("no recording in this directory", where=str(path), fix=f"it should hold files named *{kinds}")
+    parts = {_NUMBER.sub("", p.stem) for p in files}  # a split recording numbers its files
+    if len(parts) > 1 and not (path / "metadata.yaml").is_file():
+        raise DataError(f"holds {len(parts)} different recordings", where=str(path), fix="name one of them")
     bags: list[Bag] = []
     faults: list[DataError] = []
     for file in files:

@@ -88,6 +88,7 @@ def result_folder(folder: Path, name: str, schema: str, *, force: bool = False) 
         raise UsageError(f"cannot be created: {(e.strerror or str(e)).lower()}", where=str(folder)) from None
     try:
         yield part
+        ensure_free(folder, name, schema, force=force)  # another run may have taken it meanwhile
         _settle(part, folder, name)
     except OSError as e:  # a full disk, most likely
         raise UsageError(f"cannot be written: {(e.strerror or str(e)).lower()}", where=str(folder)) from None

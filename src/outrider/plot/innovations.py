@@ -17,16 +17,7 @@ GATE_TAIL = 1e-3  # where the run's configuration does not say how rare a gated 
 WINDOW = 50  # records in the running mean of NIS
 _POINTS = 1200
 _RASTER = 300  # more points than this become pixels
-_ANGLES = ("heading", "yaw", "bearing", "roll", "pitch", "rot", "theta")
-_UNITS = (
-    ("v_", "m/s"),
-    ("w_", "deg/s"),
-    ("gyro", "deg/s"),
-    ("accel", "m/s²"),
-    ("flow", "deg/s"),
-    ("m_", ""),
-    ("speed", "m/s"),
-)
+_SHOWN = {"rad": ("deg", 180 / np.pi), "rad/s": ("deg/s", 180 / np.pi), "1": ("", 1.0)}
 
 
 @styled
@@ -41,7 +32,7 @@ def innovation_figure(innovations: Innovations, colour: str, start: int, tail: f
     limit = np.sqrt(gate(innovations.dof[order], tail))
     figure, axes = panels(len(shown) + 1, 1.25)
     for ax, k in zip(axes, shown, strict=False):
-        unit, scale = _unit(innovations.columns[k])
+        unit, scale = _SHOWN.get(innovations.units[k], (innovations.units[k], 1.0))
         ax.set_ylabel(f"{innovations.columns[k]}" + (f" [{unit}]" if unit else ""))
         _component(ax, t, innovations.y[order, k] * scale, innovations.s[order, k] * scale, limit, groups)
     _nis(
@@ -130,11 +121,3 @@ def _handles(groups: list[tuple[str, Bools, str, str]]) -> list[Artist]:
 def _high(y: Floats, percent: float) -> float:
     known = y[np.isfinite(y)]
     return float(np.percentile(known, percent)) if known.size else 0.0
-
-
-def _unit(column: str) -> tuple[str, float]:
-    """The unit a component is shown in, and the factor from SI."""
-    if any(word in column for word in _ANGLES):
-        return "deg", 180 / np.pi
-    unit = next((u for prefix, u in _UNITS if column.startswith(prefix)), "m")
-    return unit, 180 / np.pi if unit == "deg/s" else 1.0

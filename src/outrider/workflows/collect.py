@@ -149,7 +149,7 @@ class Collector:
         for channel, tally in zip(self._f.channels, self.tallies, strict=True):
             if channel.sensor is None or not tally.dof_sum:
                 continue
-            names = SPECS[channel.sensor].names
+            names, units = SPECS[channel.sensor].names, SPECS[channel.sensor].units
             out[channel.name] = Innovations(
                 t=tally.t.array(),
                 y=tally.y.array(),
@@ -159,6 +159,7 @@ class Collector:
                 verdict=tally.verdict.array(),
                 z=tally.z.array(),
                 columns=tuple(names[i] for i in tally.rows),
+                units=tuple(units[i] for i in tally.rows),
             )
         return out
 

@@ -11,11 +11,6 @@ from outrider.errors import ExitCode
 from outrider.io.runs import SCHEMA
 from outrider.typing import Floats
 
-UNITS = {
-    "GNSS": "m", "POSITION": "m", "POSE": "m", "GNSS_VELOCITY": "m/s", "TWIST": "m/s", "WHEELS": "m/s",
-    "BODY_VELOCITY": "m/s", "RANGE": "m", "BARO": "m", "RANGE_FINDER": "m", "HEADING": "rad", "ATTITUDE": "rad",
-    "MAG": "rad", "IMU": "rad/s",
-}  # fmt: skip
 GOOD = (Outcome.OK, Outcome.DEGRADED)
 CONTRIBUTES = (Verdict.USED, Verdict.INPUT, Verdict.RESET, Verdict.WITHHELD)
 
@@ -44,8 +39,9 @@ def summarise(run: Run) -> dict[str, Any]:
 
 
 def exit_code(run: Run) -> ExitCode:
-    """Whether the job gave what was asked for: a valid end, and every source that was to be fused took part."""
-    return ExitCode.OK if run.outcome in GOOD and not never_used(run) else ExitCode.FAILED_CHECK
+    """Whether the job gave what was asked for: a valid end, no error found, every source to be fused took part."""
+    sound = not any(f.severity == "error" for f in run.findings)
+    return ExitCode.OK if sound and run.outcome in GOOD and not never_used(run) else ExitCode.FAILED_CHECK
 
 
 def never_used(run: Run) -> tuple[str, ...]:
@@ -76,7 +72,7 @@ def figures(run: Run) -> dict[str, Any]:
     }
 
 
-def scored(of: Innovations, kind: str) -> dict[str, Any]:
+def scored(of: Innovations) -> dict[str, Any]:
     """How far the records were from the estimate that were compared, not fused; and whether it knew as much.
 
     rmse and median are horizontal for a position, over all columns otherwise, in the unit of the source (SI).
@@ -86,11 +82,12 @@ def scored(of: Innovations, kind: str) -> dict[str, Any]:
         return {}
     columns = [k for k in range(len(of.columns)) if np.isfinite(of.y[rows, k]).any()]
     flat = [k for k in columns if of.columns[k] in ("east", "north")] or columns
+    units = {of.units[k] for k in flat}
     e = np.linalg.norm(np.nan_to_num(of.y[rows][:, flat]), axis=1)
     nis, dof = of.nis[rows], np.maximum(of.dof[rows], 1)
     return {
         "records": int(rows.sum()),
-        "unit": UNITS.get(kind, ""),
+        "unit": units.pop() if len(units) == 1 else "",
         "rmse": float(np.sqrt(np.mean(e * e))),
         "median": float(np.median(e)),
         "nis_per_dof": float(np.mean(nis / dof)),
@@ -99,8 +96,7 @@ def scored(of: Innovations, kind: str) -> dict[str, Any]:
 
 
 def _all_scored(run: Run) -> dict[str, Any]:
-    kinds = {a.source: a.kind for a in run.accounts}
-    every = {name: scored(i, kinds.get(name, "")) for name, i in run.innovations.items()}
+    every = {name: scored(i) for name, i in run.innovations.items()}
     return {name: scores for name, scores in every.items() if scores}
 
 
