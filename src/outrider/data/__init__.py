@@ -1,7 +1,7 @@
 """The nouns: frozen dataclasses of arrays. They know their shapes and names, and nothing about files or filters."""
 
 from outrider.data.belief import Block, Ensemble, Gaussian, Manifold, StateLayout
-from outrider.data.events import Altitude, EventLog, Fix, Kind, Stream, stream
+from outrider.data.events import Altitude, EventLog, Fix, Kind, Stream, joined, stream
 from outrider.data.run import (
     REASONS,
     Account,
@@ -20,5 +20,5 @@ from outrider.data.trajectory import Datum, Trajectory
 __all__ = [
     "REASONS", "Account", "Altitude", "Block", "Datum", "Ensemble", "Estimates", "EventLog", "Finding", "Fix",
     "Gaussian", "Innovations", "Kind", "Manifold", "Outcome", "Reset", "Run", "SensorState", "StateLayout", "Stream",
-    "Trajectory", "Verdict", "empty_estimates", "stream",
+    "Trajectory", "Verdict", "empty_estimates", "joined", "stream",
 ]  # fmt: skip

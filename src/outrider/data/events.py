@@ -1,6 +1,6 @@
 """Sensor records as columns: one `Stream` per source, all streams of a log in one `EventLog`, on one clock."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import final
@@ -140,6 +140,10 @@ class Stream:
             self, t=self.t[keep], z=self.z[keep], var=self.var[keep], t_arrival=self.t_arrival[keep], extra=extra
         )
 
+    def named(self, name: str) -> "Stream":
+        """The same records under another name."""
+        return replace(self, name=name)
+
     @property
     def rate(self) -> float:
         """Median rate [Hz]; NaN for fewer than two distinct stamps."""
@@ -166,6 +170,13 @@ def stream(
     var = np.full((t.size, width), np.nan) if var is None else np.ascontiguousarray(var, np.float64)
     arrival = t if t_arrival is None else np.ascontiguousarray(t_arrival, np.int64)
     return Stream(name=name, kind=kind, t=t, z=z, var=var, t_arrival=arrival, **rest)  # type: ignore[arg-type]
+
+
+def joined(parts: Sequence[Stream]) -> Stream:
+    """The records of several pieces of one source as one stream, in the order of the pieces."""
+    arrays = {n: np.concatenate([getattr(s, n) for s in parts]) for n in ("t", "z", "var", "t_arrival")}
+    extra = {name: np.concatenate([s.extra[name] for s in parts]) for name in parts[0].extra}
+    return replace(parts[0], **arrays, extra=extra, malformed=sum(s.malformed for s in parts))
 
 
 @final

@@ -8,11 +8,22 @@ from outrider.sim.faults import FAULTS
 from outrider.sim.logs import demo_log, drone_log, sense, wheeled_log
 from outrider.sim.motion import GENTLE, drive, fly, follow
 from outrider.sim.noise import generator
-from outrider.sim.sensors import Attitude, Baro, BodyTwist, Gnss, GnssVelocity, Heading, Imu, Magnetometer, Sensor
+from outrider.sim.sensors import (
+    Attitude,
+    Baro,
+    BodyTwist,
+    Gnss,
+    GnssVelocity,
+    Heading,
+    Imu,
+    Magnetometer,
+    Plain,
+    Sensor,
+)
 from outrider.sim.truth import Biases, Drift, Place, Truth, drift
 
 __all__ = [
     "FAULTS", "GENTLE", "Attitude", "Baro", "Biases", "BodyTwist", "Drift", "Gnss", "GnssVelocity", "Heading", "Imu",
-    "Magnetometer", "Place", "Sensor", "Truth", "demo_log", "drift", "drive", "drone_log", "fly",
+    "Magnetometer", "Place", "Plain", "Sensor", "Truth", "demo_log", "drift", "drive", "drone_log", "fly",
     "follow", "generator", "sense", "wheeled_log",
 ]  # fmt: skip

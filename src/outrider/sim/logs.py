@@ -13,17 +13,17 @@ from outrider.models.motion.planar import PlanarRobot
 from outrider.sim import faults as spoil
 from outrider.sim.motion import GENTLE, drive, fly, follow
 from outrider.sim.noise import generator
-from outrider.sim.sensors import Attitude, Baro, BodyTwist, Gnss, GnssVelocity, Imu, Magnetometer, Sensor
+from outrider.sim.sensors import Attitude, Baro, BodyTwist, Gnss, GnssVelocity, Imu, Magnetometer, Plain
 from outrider.sim.truth import EPOCH, SITE, Drift, Place, Truth, drift
 from outrider.typing import Floats
 
 ANTENNA = (0.20, 0.05, 0.60)  # m, body: where the demo robots carry their GNSS antenna
 
 
-def sense(truth: Truth, sensors: Iterable[Sensor], seed: int, mounts: Mapping[str, Floats] | None = None) -> EventLog:
+def sense(truth: Truth, sensors: Iterable[Plain], seed: int, mounts: Mapping[str, Floats] | None = None) -> EventLog:
     """Every sensor's record of the truth, each from random numbers of its own."""
     streams = {s.name: s.sample(truth, generator(seed, truth.robot, s.name)) for s in sensors}
-    return _signed(EventLog(streams=streams, path=f"simulated-{seed}", mounts=mounts or {}))
+    return signed(EventLog(streams=streams, path=f"simulated-{seed}", mounts=mounts or {}))
 
 
 def wheeled_log(
@@ -34,7 +34,7 @@ def wheeled_log(
     exact: bool = False,
     model: PlanarRobot = GENTLE,
     errors: Drift | None = None,
-    sensors: Sequence[Sensor] | None = None,
+    sensors: Sequence[Plain] | None = None,
     faults: Sequence[str] = (),
     robot: str = "robot",
 ) -> tuple[EventLog, Truth]:
@@ -52,7 +52,7 @@ def drone_log(
     rate_hz: float = 200.0,
     speed: float = 4.0,
     errors: Drift = Drift(gnss_sigma=0.5, gnss_sigma_up=1.0, baro_start=1.0, baro_walk=0.02),
-    sensors: Sequence[Sensor] | None = None,
+    sensors: Sequence[Plain] | None = None,
     faults: Sequence[str] = (),
     robot: str = "drone",
 ) -> tuple[EventLog, Truth]:
@@ -77,7 +77,7 @@ def demo_log(seed: int = 1) -> tuple[EventLog, Truth]:
     log = spoil.degrade(log, "gnss", 225.0, 255.0, Fix.FLOAT, 0.5, rng, told=0.1)
     log = spoil.jump(log, "gnss", 275.0, 279.0, (9.0, -6.0, 3.0))
     log = spoil.turn_heading(log, "imu_attitude", np.deg2rad(40.0))
-    return _signed(replace(log, path=f"demo-{seed}")), truth
+    return signed(replace(log, path=f"demo-{seed}")), truth
 
 
 def antenna(frame: str = "gnss") -> dict[str, Floats]:
@@ -87,12 +87,12 @@ def antenna(frame: str = "gnss") -> dict[str, Floats]:
     return {frame: T, "imu": np.eye(4)}
 
 
-def _wheeled(rate_hz: float) -> tuple[Sensor, ...]:
+def _wheeled(rate_hz: float) -> tuple[Plain, ...]:
     gnss = Gnss(lever=ANTENNA, latency_s=0.12, phase_s=0.013)
     return Imu(rate_hz=rate_hz), BodyTwist(), gnss, Attitude()
 
 
-def _flying(rate_hz: float) -> tuple[Sensor, ...]:
+def _flying(rate_hz: float) -> tuple[Plain, ...]:
     site = SITE
     gnss = Gnss(sigma=0.4, sigma_up=0.7, lever=ANTENNA, fix=Fix.SINGLE, satellites=14, latency_s=0.2)
     doppler = GnssVelocity(lever=ANTENNA, latency_s=0.2)
@@ -107,10 +107,10 @@ def _place(robot: str) -> Place:
 def _spoilt(log: EventLog, names: Sequence[str], seed: int, robot: str) -> EventLog:
     for name in names:
         log = spoil.apply(log, name, generator(seed, robot, f"fault {name}"))
-    return _signed(log)
+    return signed(log)
 
 
-def _signed(log: EventLog) -> EventLog:
+def signed(log: EventLog) -> EventLog:
     """The log with the hash of its contents, as a file would have."""
     digest = hashlib.sha256()
     for name in sorted(log.streams):

@@ -126,10 +126,11 @@ def fly(
 
 
 def _truth(seconds: Floats, place: Place, *, p: Floats, q: Floats, v: Floats, w: Floats, f: Floats) -> Truth:
-    zeros, none = np.zeros((seconds.size, 3)), np.zeros(seconds.size)
     t = place.t0 + np.rint(seconds * 1e9).astype(np.int64)
-    bias = Biases(gyro=zeros, accel=zeros, gnss=zeros, baro=none, wheels=none)
-    return Truth(t=t, p=p, q=q, v=v, w=w, f=f, bias=bias, gravity=place.gravity, datum=place.datum, robot=place.robot)
+    return Truth(
+        t=t, p=p, q=q, v=v, w=w, f=f, bias=Biases.none(t.size), actuators=np.zeros((t.size, 0)), start=place.t0,
+        gravity=place.gravity, datum=place.datum, robot=place.robot,
+    )  # fmt: skip
 
 
 def _count(duration_s: float, rate_hz: float) -> int:

@@ -45,6 +45,12 @@ class Biases:
     baro: Floats
     wheels: Floats
 
+    @classmethod
+    def none(cls, n: int) -> "Biases":
+        """Perfect sensors."""
+        three, one = np.zeros((n, 3)), np.zeros(n)
+        return cls(gyro=three, accel=three, gnss=three, baro=one, wheels=one)
+
 
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,6 +59,8 @@ class Truth:
 
     t : (n,) int64 ns, evenly spaced;  p, v : (n, 3) m and m/s, site frame;  q : (n, 4) x y z w, R_site_body;
     w, f : (n, 3) body rate [rad/s] and specific force [m/s^2] at the body origin, in the body;  gravity [m/s^2], down.
+    actuators : (n, k) wheels' rim speeds [m/s] and steering angles [rad], or rotor speeds [rad/s]; none of them: k = 0.
+    start : ns, first stamp of the whole run. Of a run, a piece begins with the last row of the piece before.
     """
 
     t: Ints
@@ -62,6 +70,8 @@ class Truth:
     w: Floats
     f: Floats
     bias: Biases
+    actuators: Floats
+    start: int
     gravity: float = STANDARD_GRAVITY
     datum: Datum = SITE
     robot: str = "robot"
@@ -81,7 +91,7 @@ class Truth:
     def select(self, keep: Bools | slice) -> "Truth":
         """The same truth with only the given rows."""
         bias = Biases(**{f.name: getattr(self.bias, f.name)[keep] for f in fields(Biases)})
-        rows = {name: getattr(self, name)[keep] for name in ("t", "p", "q", "v", "w", "f")}
+        rows = {name: getattr(self, name)[keep] for name in ("t", "p", "q", "v", "w", "f", "actuators")}
         return replace(self, bias=bias, **rows)
 
     def at(self, t: Ints) -> "Truth":
@@ -99,7 +109,8 @@ class Truth:
         p = self.p[i] + u * (a + u * (3 * h - 2 * a - b + u * (a + b - 2 * h)))  # cubic Hermite
         bias = Biases(**{f.name: line(getattr(self.bias, f.name)) for f in fields(Biases)})
         q = slerp(t, self.t, self.q)
-        return replace(self, t=t, p=p, q=q, v=line(self.v), w=line(self.w), f=line(self.f), bias=bias)
+        rows = {name: line(getattr(self, name)) for name in ("v", "w", "f", "actuators")}
+        return replace(self, t=t, p=p, q=q, bias=bias, **rows)
 
 
 @final

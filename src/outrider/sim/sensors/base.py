@@ -1,0 +1,87 @@
+"""What a sensor is to the simulator, and what all of them share.
+
+A sensor is frozen parameters; its *device* is that sensor in one run: a function from the newest piece of the truth to
+the records that fall into it. Slow errors (biases, fix states, outages) are drawn for the whole run when the device is
+made, white noise row by row: one call over a whole run and many over its pieces give the same records, to rounding.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Protocol, TypeAlias, final, runtime_checkable
+
+import numpy as np
+from numpy.random import Generator
+
+from outrider.data import Kind, Stream, stream
+from outrider.sim.truth import Truth
+from outrider.typing import Floats, Ints
+
+Vector: TypeAlias = tuple[float, float, float]
+Quaternion: TypeAlias = tuple[float, float, float, float]
+STRAIGHT: Quaternion = (0.0, 0.0, 0.0, 1.0)
+
+Device: TypeAlias = Callable[[Truth, Mapping[str, Truth]], Stream]
+"""(own piece of truth, the other robots' pieces) -> the records stamped within that piece."""
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Setting:
+    """The run that a device is made for. start, end : ns."""
+
+    robot: str
+    start: int
+    end: int
+
+
+@runtime_checkable
+class Sensor(Protocol):
+    """Anything that can be made into a device."""
+
+    @property
+    def name(self) -> str:
+        """Of its stream; also the key of its random numbers."""
+        ...
+
+    def device(self, setting: Setting, rng: Generator) -> Device:
+        """The sensor in one run."""
+        ...
+
+
+@runtime_checkable
+class Plain(Protocol):
+    """A sensor of nothing but the robot's own truth, with white noise."""
+
+    @property
+    def name(self) -> str:
+        """Of its stream; also the key of its random numbers."""
+        ...
+
+    def sample(self, truth: Truth, rng: Generator) -> Stream:
+        """What it records along a piece of the truth."""
+        ...
+
+
+def make_device(sensor: Sensor | Plain, setting: Setting, rng: Generator) -> Device:
+    """The device of any sensor."""
+    if isinstance(sensor, Sensor):
+        return sensor.device(setting, rng)
+    return lambda own, others: sensor.sample(own, rng)
+
+
+def stamps(piece: Truth, rate_hz: float, phase_s: float = 0.0) -> Ints:
+    """Stamps [ns] phase + k / rate after the run's start that fall into a piece.
+
+    A piece begins with the last row of the one before, which therefore belongs to it only where the run begins.
+    """
+    first, last = int(piece.t[0]) - piece.start, int(piece.t[-1]) - piece.start
+    k = np.arange(max(int((first * 1e-9 - phase_s) * rate_hz) - 1, 0), int((last * 1e-9 - phase_s) * rate_hz) + 2)
+    t = np.rint((phase_s + k / rate_hz) * 1e9).astype(np.int64)
+    return piece.start + t[((t > first) | (first == 0)) & (t <= last)]
+
+
+def record(sensor: Sensor | Plain, kind: Kind, truth: Truth, z: Floats, variance: Floats, **more: object) -> Stream:
+    """A stream with one variance for all rows; `latency_s` says how much later it arrives."""
+    late = round(float(more.pop("latency_s", 0.0)) * 1e9)  # type: ignore[arg-type]
+    var = np.tile(variance, (truth.t.size, 1))
+    return stream(sensor.name, kind, truth.t, z, var=var, t_arrival=truth.t + late, robot=truth.robot, **more)
