@@ -1,5 +1,7 @@
 """A run cut into pieces is the same run, but for rounding: vector instructions round the ends of arrays otherwise."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -25,7 +27,7 @@ def test_pieces_are_the_whole(sensor: Sensor | Plain, cuts: tuple[int, ...]) -> 
 
     whole, in_pieces = device()(truth, {}), device()
     edges = [0, *cuts, len(truth) - 1]
-    parts = [in_pieces(truth.select(slice(a, b + 1)), {}) for a, b in zip(edges, edges[1:], strict=False)]
+    parts = [in_pieces(truth.select(slice(a, b + 1)), {}) for a, b in itertools.pairwise(edges)]
     again = joined(parts)
     assert len(whole) > 10
     for name in ("t", "t_arrival"):
