@@ -91,12 +91,28 @@ def test_a_bad_input_is_refused_and_the_next_good_one_is_not(bad):
 
 
 def test_an_input_that_would_overflow_the_covariance_is_refused():
-    """Turning by 100 rad a step is more than the model can follow: the covariance explodes, then that is said."""
+    """The velocity moves by the specific force times an attitude of which nothing is known: too much for any number."""
     f = drone()
-    filter_, spin = OnlineFilter(f, start(f), 0.0), np.full(6, 999.0)
-    seen = {int(filter_.process(0.1 * k, 0, spin, np.ones(6))[OUT_VERDICT]) for k in range(40)}
+    filter_, hard = OnlineFilter(f, prior(f.layout, 1e14), 0.0), np.full(6, 999.0)
+    seen = {int(filter_.process(0.1 * k, 0, hard, np.ones(6))[OUT_VERDICT]) for k in range(9)}
     assert Verdict.DIVERGED in seen
     assert_sound(filter_.state)
+
+
+@pytest.mark.parametrize("make", [drone, omnidirectional])
+def test_turning_many_radians_a_step_is_followed(make):
+    """Exp(-w dt) only turns the attitude's covariance, however fast, and every step adds its noise."""
+    f = make()
+    x, u = f.layout.zeros(), np.array([300.0, -200.0, 100.0, 0.0, 0.0, 9.806])
+    if "rate" in f.layout:
+        x[f.layout.state("rate")] = u[:3]
+    s = one.state(x, 1e-6 * np.eye(f.layout.error_size), 0.0, len(f.channels))
+    s.u[:], s.clock[C_INPUT] = u, 0.0
+    a = f.layout.error("attitude")
+    before = np.trace(s.P[a, a])
+    one.predict(f.model(), s, 0.4, one.scratch(f.layout.size, f.layout.error_size))
+    assert one.healthy(s)
+    assert before < np.trace(s.P[a, a]) < 0.1
 
 
 def test_rows_without_a_usable_variance_are_left_out():

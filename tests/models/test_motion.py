@@ -52,27 +52,49 @@ def test_every_model_has_parameters_and_layout():
     assert set(PARAMETERS) == set(LAYOUTS) == set(Motion)
 
 
+def numeric_jacobian(motion, x, dt, u, h=1e-6):
+    """F by central differences on the manifold."""
+    layout = LAYOUTS[motion]
+    numeric = np.zeros((layout.error_size, layout.error_size))
+    for j in range(layout.error_size):
+        ends = []
+        for sign in (1, -1):
+            d = np.zeros(layout.error_size)
+            d[j] = sign * h
+            moved = x.copy()
+            retract(moved, d, layout.table)
+            ends.append(step(motion, moved, dt, u)[0])
+        d = np.zeros(layout.error_size)
+        local(ends[0], ends[1], layout.table, d)
+        numeric[:, j] = d / (2 * h)
+    return numeric
+
+
 @pytest.mark.parametrize("motion", ALL)
 def test_jacobian_matches_finite_differences(motion, rng):
-    layout = LAYOUTS[motion]
     for _ in range(5):
         _, x, u = draw(motion, rng)
-        dt, h = 0.002, 1e-6
-        _, F, _ = step(motion, x, dt, u)
-        numeric = np.zeros_like(F)
-        for j in range(layout.error_size):
-            ends = []
-            for sign in (1, -1):
-                d = np.zeros(layout.error_size)
-                d[j] = sign * h
-                moved = x.copy()
-                retract(moved, d, layout.table)
-                ends.append(step(motion, moved, dt, u)[0])
-            d = np.zeros(layout.error_size)
-            local(ends[0], ends[1], layout.table, d)
-            numeric[:, j] = d / (2 * h)
+        _, F, _ = step(motion, x, 0.002, u)
+        numeric = numeric_jacobian(motion, x, 0.002, u)
         # Blocks that matter only to second order in dt are left out of F: at 2 ms they are below 1e-4.
         assert np.abs(F - numeric).max() < 1e-4 * max(1.0, np.abs(numeric).max())
+
+
+@pytest.mark.parametrize("motion", [m for m in ALL if "attitude" in LAYOUTS[m]])
+@pytest.mark.parametrize("turn", [0.0, 1e-5, 0.2, 0.31, 1.5, 3.0, 7.0, 40.0])
+def test_attitude_jacobians_hold_for_a_turn_of_any_size(motion, turn, rng):
+    """What an attitude error does to everything, and everything to the attitude, in a step that turns by `turn` rad."""
+    layout, x, u = draw(motion, rng)
+    dt, axis = 0.1, rng.normal(size=3)
+    rate = turn / dt * axis / np.linalg.norm(axis)
+    if "rate" in layout:
+        x[layout.state("rate")] = rate
+    else:
+        u[:3] = rate + x[layout.state("gyro_bias")]
+    F, numeric, a = step(motion, x, dt, u)[1], numeric_jacobian(motion, x, dt, u), layout.error("attitude")
+    np.testing.assert_allclose(F[a], numeric[a], atol=1e-7)
+    np.testing.assert_allclose(F[:, a], numeric[:, a], atol=1e-7)
+    np.testing.assert_allclose(F[a, a] @ F[a, a].T, np.eye(3), atol=1e-12)
 
 
 @pytest.mark.parametrize("motion", ALL)

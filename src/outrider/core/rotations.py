@@ -161,13 +161,20 @@ def rotate_inverse(q: Floats, v: Floats, out: Floats) -> None:
 
 
 @kernel
-def skew_polynomial(phi: Floats, a: float, b: float, c: float, out: Floats) -> None:
-    """out (3, 3) = a I + b S + c S^2, the shape of every function of a rotation vector;  S^2 = phi phi' - t^2 I."""
-    x, y, z = phi[0], phi[1], phi[2]
+def skew_block(x: float, y: float, z: float, a: float, b: float, c: float, out: Floats, i: int, j: int) -> None:
+    """out[i:i+3, j:j+3] = a I + b S + c S^2 with S = [(x, y, z)]x;  S^2 = phi phi' - t^2 I."""
     xx, yy, zz = c * x * x, c * y * y, c * z * z
-    out[0, 0], out[0, 1], out[0, 2] = a - (yy + zz), c * x * y - b * z, c * x * z + b * y
-    out[1, 0], out[1, 1], out[1, 2] = c * x * y + b * z, a - (xx + zz), c * y * z - b * x
-    out[2, 0], out[2, 1], out[2, 2] = c * x * z - b * y, c * y * z + b * x, a - (xx + yy)
+    out[i, j], out[i, j + 1], out[i, j + 2] = a - (yy + zz), c * x * y - b * z, c * x * z + b * y
+    i += 1
+    out[i, j], out[i, j + 1], out[i, j + 2] = c * x * y + b * z, a - (xx + zz), c * y * z - b * x
+    i += 1
+    out[i, j], out[i, j + 1], out[i, j + 2] = c * x * z - b * y, c * y * z + b * x, a - (xx + yy)
+
+
+@kernel
+def skew_polynomial(phi: Floats, a: float, b: float, c: float, out: Floats) -> None:
+    """out (3, 3) = a I + b S + c S^2, the shape of every function of a rotation vector."""
+    skew_block(phi[0], phi[1], phi[2], a, b, c, out, 0, 0)
 
 
 @kernel

@@ -13,7 +13,7 @@ from outrider._kernel import kernel
 from outrider.core.manifold import rotate_right
 from outrider.data import Manifold, StateLayout
 from outrider.models.kinematics import K_F, K_P, K_R, K_V, K_W, T_F, T_P, T_TH, T_V, T_W
-from outrider.models.motion.strapdown import matrix
+from outrider.models.motion.turning import rotation, swing, turn
 from outrider.typing import Floats
 
 LAYOUT: Final = StateLayout(
@@ -34,41 +34,23 @@ def propagate(x: Floats, dt: float, u: Floats, theta: Floats, F: Floats, Q: Floa
     p' = R (v + a dt/2);  R' = R Exp(w dt);  v' = a;  w and a are random walks.
     """
     h = 0.5 * dt
-    a, b, c, d = x[X_Q], x[X_Q + 1], x[X_Q + 2], x[X_Q + 3]
-    R00, R01, R02 = 1 - 2 * (b * b + c * c), 2 * (a * b - c * d), 2 * (a * c + b * d)
-    R10, R11, R12 = 2 * (a * b + c * d), 1 - 2 * (a * a + c * c), 2 * (b * c - a * d)
-    R20, R21, R22 = 2 * (a * c - b * d), 2 * (b * c + a * d), 1 - 2 * (a * a + b * b)
+    R = rotation(x, X_Q)
     m0 = (x[X_V] + h * x[X_A]) * dt  # the step in body axes
     m1 = (x[X_V + 1] + h * x[X_A + 1]) * dt
     m2 = (x[X_V + 2] + h * x[X_A + 2]) * dt
-    for i in range(3):
-        r0, r1, r2 = (R00, R01, R02) if i == 0 else ((R10, R11, R12) if i == 1 else (R20, R21, R22))
-        x[P_ + i] += r0 * m0 + r1 * m1 + r2 * m2
-        F[P_ + i, TH], F[P_ + i, TH + 1], F[P_ + i, TH + 2] = (
-            -(r1 * m2 - r2 * m1),
-            -(r2 * m0 - r0 * m2),
-            -(r0 * m1 - r1 * m0),
-        )
-        F[P_ + i, V_], F[P_ + i, V_ + 1], F[P_ + i, V_ + 2] = r0 * dt, r1 * dt, r2 * dt
-        F[P_ + i, A_], F[P_ + i, A_ + 1], F[P_ + i, A_ + 2] = r0 * dt * h, r1 * dt * h, r2 * dt * h
+    s0 = R[0] * m0 + R[1] * m1 + R[2] * m2  # and in the world's
+    s1 = R[3] * m0 + R[4] * m1 + R[5] * m2
+    s2 = R[6] * m0 + R[7] * m1 + R[8] * m2
+    swing(F, P_, TH, 1.0, s0, s1, s2, R)
     p0, p1, p2 = x[X_W] * dt, x[X_W + 1] * dt, x[X_W + 2] * dt
+    turn(F, TH, W_, p0, p1, p2, dt)
     rotate_right(x, X_Q, p0, p1, p2)
-    n2 = p0 * p0 + p1 * p1 + p2 * p2
-    F[TH, TH], F[TH, TH + 1], F[TH, TH + 2] = 1 - 0.5 * (n2 - p0 * p0), p2 + 0.5 * p0 * p1, -p1 + 0.5 * p0 * p2
-    F[TH + 1, TH], F[TH + 1, TH + 1], F[TH + 1, TH + 2] = (
-        -p2 + 0.5 * p0 * p1,
-        1 - 0.5 * (n2 - p1 * p1),
-        p0 + 0.5 * p1 * p2,
-    )
-    F[TH + 2, TH], F[TH + 2, TH + 1], F[TH + 2, TH + 2] = (
-        p1 + 0.5 * p0 * p2,
-        -p0 + 0.5 * p1 * p2,
-        1 - 0.5 * (n2 - p2 * p2),
-    )
     for i in range(3):
+        x[P_ + i] += s0 if i == 0 else (s1 if i == 1 else s2)
         x[X_V + i] += x[X_A + i] * dt
-        F[TH + i, W_ + i] = dt
         F[V_ + i, A_ + i] = dt
+        for j in range(3):
+            F[P_ + i, V_ + j], F[P_ + i, A_ + j] = dt * R[3 * i + j], h * dt * R[3 * i + j]
     for i in range(15):
         Q[i, i] = theta[i] * dt
 
@@ -76,24 +58,20 @@ def propagate(x: Floats, dt: float, u: Floats, theta: Floats, F: Floats, Q: Floa
 @kernel
 def kinematic_view(x: Floats, u: Floats, theta: Floats, k: Floats, K: Floats) -> None:
     """Write the kinematic view k and its Jacobian K (T_SIZE, 15). Specific force is a - g in body axes."""
-    matrix(x, X_Q, k, K_R)
-    g = theta[15]
+    R, g = rotation(x, X_Q), theta[15]
+    for i in range(9):
+        k[K_R + i] = R[i]
     for i in range(3):
-        r0, r1, r2 = k[K_R + 3 * i], k[K_R + 3 * i + 1], k[K_R + 3 * i + 2]
-        v0, v1, v2 = x[X_V], x[X_V + 1], x[X_V + 2]
         k[K_P + i] = x[P_ + i]
-        k[K_V + i] = r0 * v0 + r1 * v1 + r2 * v2
+        k[K_V + i] = R[3 * i] * x[X_V] + R[3 * i + 1] * x[X_V + 1] + R[3 * i + 2] * x[X_V + 2]
         k[K_W + i] = x[X_W + i]
-        k[K_F + i] = x[X_A + i] + g * k[K_R + 6 + i]
+        k[K_F + i] = x[X_A + i] + g * R[6 + i]
         K[T_P + i, P_ + i] = K[T_TH + i, TH + i] = K[T_W + i, W_ + i] = K[T_F + i, A_ + i] = 1.0
-        K[T_V + i, V_], K[T_V + i, V_ + 1], K[T_V + i, V_ + 2] = r0, r1, r2
-        K[T_V + i, TH], K[T_V + i, TH + 1], K[T_V + i, TH + 2] = (
-            -(r1 * v2 - r2 * v1),
-            -(r2 * v0 - r0 * v2),
-            -(r0 * v1 - r1 * v0),
-        )
+        for j in range(3):
+            K[T_V + i, V_ + j] = R[3 * i + j]
+    swing(K, T_V, TH, 1.0, k[K_V], k[K_V + 1], k[K_V + 2], R)
     # d(R' g e_z) = [R' g e_z]x dth
-    g0, g1, g2 = g * k[K_R + 6], g * k[K_R + 7], g * k[K_R + 8]
+    g0, g1, g2 = g * R[6], g * R[7], g * R[8]
     K[T_F, TH + 1], K[T_F, TH + 2] = -g2, g1
     K[T_F + 1, TH], K[T_F + 1, TH + 2] = g2, -g0
     K[T_F + 2, TH], K[T_F + 2, TH + 1] = -g1, g0

@@ -36,6 +36,7 @@ from outrider.models.kinematics import (
     T_W,
     T_WIND,
 )  # fmt: skip
+from outrider.models.motion.turning import rotation, swing, turn
 from outrider.typing import Floats
 
 LAYOUT: Final = StateLayout(
@@ -53,67 +54,35 @@ X_Q, X_BG, X_BA, X_BN, X_WI, X_BB = 6, 10, 13, 16, 19, 21  # state rows
 
 
 @kernel
-def matrix(x: Floats, i: int, k: Floats, at: int) -> None:
-    """k[at:at+9] <- rotation matrix, row-major, of the quaternion x[i:i+4]."""
-    a, b, c, d = x[i], x[i + 1], x[i + 2], x[i + 3]
-    k[at], k[at + 1], k[at + 2] = 1 - 2 * (b * b + c * c), 2 * (a * b - c * d), 2 * (a * c + b * d)
-    k[at + 3], k[at + 4], k[at + 5] = 2 * (a * b + c * d), 1 - 2 * (a * a + c * c), 2 * (b * c - a * d)
-    k[at + 6], k[at + 7], k[at + 8] = 2 * (a * c - b * d), 2 * (b * c + a * d), 1 - 2 * (a * a + b * b)
-
-
-@kernel
 def propagate(x: Floats, dt: float, u: Floats, theta: Floats, F: Floats, Q: Floats) -> None:
     """x <- f(x, u, dt), with its Jacobian F (21, 21) and noise Q (21, 21).  u = gyro, specific force (body).
 
     v' = R f + g;  p' = v + v' dt/2;  R' = R Exp(w dt);  R is taken at mid-interval.  The noises are white densities of
-    gyro and accelerometer, and random walks of the rest.  theta[12] is gravity.
+    gyro and accelerometer, and random walks of the rest.  theta[12] is gravity.  What the gyro's bias does to velocity
+    within the step, of second order in dt, is left out of F.
     """
     w0, w1, w2 = u[0] - x[X_BG], u[1] - x[X_BG + 1], u[2] - x[X_BG + 2]
     f0, f1, f2 = u[3] - x[X_BA], u[4] - x[X_BA + 1], u[5] - x[X_BA + 2]
     h = 0.5 * dt
+    before = rotation(x, X_Q)
     rotate_right(x, X_Q, w0 * h, w1 * h, w2 * h)
-    a, b, c, d = x[X_Q], x[X_Q + 1], x[X_Q + 2], x[X_Q + 3]
-    R00, R01, R02 = 1 - 2 * (b * b + c * c), 2 * (a * b - c * d), 2 * (a * c + b * d)
-    R10, R11, R12 = 2 * (a * b + c * d), 1 - 2 * (a * a + c * c), 2 * (b * c - a * d)
-    R20, R21, R22 = 2 * (a * c - b * d), 2 * (b * c + a * d), 1 - 2 * (a * a + b * b)
+    R = rotation(x, X_Q)
     rotate_right(x, X_Q, w0 * h, w1 * h, w2 * h)
-    a0 = R00 * f0 + R01 * f1 + R02 * f2
-    a1 = R10 * f0 + R11 * f1 + R12 * f2
-    a2 = R20 * f0 + R21 * f1 + R22 * f2 - theta[12]
+    a0 = R[0] * f0 + R[1] * f1 + R[2] * f2
+    a1 = R[3] * f0 + R[4] * f1 + R[5] * f2
+    a2 = R[6] * f0 + R[7] * f1 + R[8] * f2
+    # dv' = -[R f]x R(0) dth - R dba;  the position moves by half of that times dt
+    swing(F, V_, TH, dt, a0, a1, a2, before)
+    swing(F, P_, TH, h * dt, a0, a1, a2, before)
+    turn(F, TH, BG, w0 * dt, w1 * dt, w2 * dt, -dt)
     for i in range(3):
-        acc = a0 if i == 0 else (a1 if i == 1 else a2)
+        acc = a0 if i == 0 else (a1 if i == 1 else a2 - theta[12])
         x[P_ + i] += (x[V_ + i] + h * acc) * dt
         x[V_ + i] += acc * dt
         F[P_ + i, V_ + i] = dt
-
-    # dv' = -R [f]x dth - R dba;  the position moves by half of that times dt
-    for i in range(3):
-        r0, r1, r2 = (R00, R01, R02) if i == 0 else ((R10, R11, R12) if i == 1 else (R20, R21, R22))
-        F[V_ + i, TH], F[V_ + i, TH + 1], F[V_ + i, TH + 2] = (
-            -dt * (r1 * f2 - r2 * f1),
-            -dt * (r2 * f0 - r0 * f2),
-            -dt * (r0 * f1 - r1 * f0),
-        )
-        F[V_ + i, BA], F[V_ + i, BA + 1], F[V_ + i, BA + 2] = -dt * r0, -dt * r1, -dt * r2
         for j in range(3):
-            F[P_ + i, TH + j] = h * F[V_ + i, TH + j]
-            F[P_ + i, BA + j] = h * F[V_ + i, BA + j]
-    # dth' = Exp(-w dt) dth - dt dbg, to second order in w dt
-    p0, p1, p2 = w0 * dt, w1 * dt, w2 * dt
-    n2 = p0 * p0 + p1 * p1 + p2 * p2
-    F[TH, TH], F[TH, TH + 1], F[TH, TH + 2] = 1 - 0.5 * (n2 - p0 * p0), p2 + 0.5 * p0 * p1, -p1 + 0.5 * p0 * p2
-    F[TH + 1, TH], F[TH + 1, TH + 1], F[TH + 1, TH + 2] = (
-        -p2 + 0.5 * p0 * p1,
-        1 - 0.5 * (n2 - p1 * p1),
-        p0 + 0.5 * p1 * p2,
-    )
-    F[TH + 2, TH], F[TH + 2, TH + 1], F[TH + 2, TH + 2] = (
-        p1 + 0.5 * p0 * p2,
-        -p0 + 0.5 * p1 * p2,
-        1 - 0.5 * (n2 - p2 * p2),
-    )
-    for i in range(3):
-        F[TH + i, BG + i] = -dt
+            F[V_ + i, BA + j] = -dt * R[3 * i + j]
+            F[P_ + i, BA + j] = -h * dt * R[3 * i + j]
 
     q_g, q_a = theta[0] * theta[0] * dt, theta[1] * theta[1] * dt
     q_p = theta[11] * theta[11] * dt
@@ -137,7 +106,9 @@ def propagate(x: Floats, dt: float, u: Floats, theta: Floats, F: Floats, Q: Floa
 @kernel
 def kinematic_view(x: Floats, u: Floats, theta: Floats, k: Floats, K: Floats) -> None:
     """Write the kinematic view k and its Jacobian K (T_SIZE, 21). Rates and specific force come from the last input."""
-    matrix(x, X_Q, k, K_R)
+    R = rotation(x, X_Q)
+    for i in range(9):
+        k[K_R + i] = R[i]
     for i in range(3):
         k[K_P + i], k[K_V + i] = x[P_ + i], x[V_ + i]
         k[K_BG + i], k[K_BA + i], k[K_BN + i] = x[X_BG + i], x[X_BA + i], x[X_BN + i]
