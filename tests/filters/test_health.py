@@ -41,7 +41,7 @@ def judged(pattern: str, period: float = 0.2) -> tuple[np.ndarray, list[Verdict]
     """A source whose records pass (.) or fail (x) their gates: its row, the verdicts, the states."""
     h, verdicts, states = np.zeros(H_SIZE), [], []
     for k, c in enumerate(pattern):
-        verdicts.append(Verdict(judge(h, period * k, c == ".", np.array([1.0, 2.0]), 2)))
+        verdicts.append(Verdict(judge(h, period * k, c == ".", np.array([1.0, 2.0, np.nan]))))
         states.append(SensorState(int(h[H_STATE])))
     return h, verdicts, states
 

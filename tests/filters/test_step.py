@@ -142,6 +142,32 @@ def test_a_value_that_is_no_number_costs_its_row_only():
     np.testing.assert_allclose(filter_.state.x[:3], [0.4, 0.0, 0.4])
 
 
+def test_rows_keep_their_places_when_others_are_missing():
+    """The innovation is by the sensor's rows, whichever of them a record has."""
+    f = follower(reset=(0, 3))
+    for missing in range(3):
+        filter_ = OnlineFilter(f, prior(f.layout), 0.0)
+        z, r = np.array([0.1, 0.2, 0.3]), np.full(3, 0.25)
+        (z if missing else r)[missing] = np.nan
+        out = filter_.process(0.0, 0, z, r)
+        there = np.arange(3) != missing
+        np.testing.assert_allclose(out[OUT_Y : OUT_Y + 3][there], np.array([0.1, 0.2, 0.3])[there])
+        np.testing.assert_allclose(out[OUT_S : OUT_S + 3][there], np.sqrt(1.25))
+        assert np.isnan(out[[OUT_Y + missing, OUT_S + missing]]).all()
+        assert np.isnan(out[OUT_Y + 3 : OUT_S]).all()
+
+
+def test_a_reset_by_a_record_without_its_first_row_moves_the_rows_it_has():
+    f = follower()
+    filter_ = OnlineFilter(f, prior(f.layout, 0.1), 0.0)
+    for k in range(60):
+        out = filter_.process(0.25 * k, 0, np.array([np.nan, 300.0, -200.0]), np.full(3, 0.01))
+        if out[OUT_VERDICT] == Verdict.RESET:
+            break
+    assert out[OUT_VERDICT] == Verdict.RESET
+    np.testing.assert_allclose(filter_.state.x[:3], [0.0, 300.0, -200.0], atol=5.0)
+
+
 def test_a_perfect_measurement_is_believed_and_its_repetition_is_harmless():
     f = follower(probability=1.0)
     filter_ = OnlineFilter(f, prior(f.layout), 0.0)
@@ -239,7 +265,7 @@ def test_a_reset_opens_the_covariance_and_stays_sound():
     A = rng.normal(size=belief.P.shape)
     belief.P[:] = 1e-2 * (A @ A.T) + 1e-6 * np.eye(A.shape[0])
     s, ws = one.state(belief.x, belief.P, 0.0, len(f.channels)), one.scratch(f.layout.size, f.layout.error_size)
-    ws.y[:2] = (30.0, -40.0)
+    ws.y[:2], ws.row[:2] = (30.0, -40.0), (0, 1)
     one.widen(f.sources(), s, 0, 2, ws)
     assert_sound(s)
     assert s.P[0, 0] == pytest.approx(belief.P[0, 0] + 900.0) and s.P[1, 1] == pytest.approx(belief.P[1, 1] + 1600.0)

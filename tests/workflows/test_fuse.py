@@ -324,6 +324,22 @@ def test_every_record_is_accounted_for():
 
 
 @needs_speed
+def test_an_innovation_keeps_the_name_of_its_row():
+    """Wheels that leave out their forward speed now and then: what they say of the side is not said of it."""
+    log = tiny()
+    wheels = log.streams["wheels"]
+    z = wheels.z.copy()
+    z[:, 1] = 0.25
+    z[::2, 0] = np.nan
+    seen = fuse(log.with_streams(replace(wheels, z=z))).innovations["wheels"]
+    forward, side = (seen.columns.index(name) for name in ("v_x", "v_y"))
+    half = np.isnan(seen.z[:, forward])
+    assert 5 < half.sum() < half.size
+    assert np.isnan(seen.y[half, forward]).all() and np.isnan(seen.s[half, forward]).all()
+    assert np.isfinite(seen.y[:, side]).all() and np.isfinite(seen.y[~half, forward]).all()
+    np.testing.assert_allclose(seen.y[half, side].mean(), seen.y[~half, side].mean(), atol=0.02)
+
+
 def test_withheld_records_are_scored_but_change_nothing():
     log, _ = short()
     s = log.streams["gnss"]

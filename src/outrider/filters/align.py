@@ -187,15 +187,15 @@ def heading_by_source(f: Filter, q: Queue, t_start: float, x: Floats) -> tuple[f
         t = (part.t - q.t0) * 1e-9
         rows = np.flatnonzero((part.flag == Verdict.USED) & (t >= t_start - 1.0))[:10]
         row = {Sensor.ATTITUDE: 2, Sensor.POSE: 5}.get(sensor, 0)
-        if row and "heading" in f.layout:
-            row = 0 if sensor is Sensor.ATTITUDE else 2
-        yaws: list[float] = []
+        yaws, sigma = list[float](), 0.0
         for i in rows:
-            if one.measure(f.model(), f.sources(), s, c, part.z[i], part.r[i], ws) > row:
-                yaws.append(float(ws.y[row]))
+            m = one.measure(f.model(), f.sources(), s, c, part.z[i], part.r[i], ws)
+            for k in np.flatnonzero(ws.row[:m] == row):
+                yaws.append(float(ws.y[k]))
+                sigma = float(np.sqrt(ws.r[k]))
         if yaws:
             yaw = float(np.angle(np.exp(1j * np.array(yaws)).mean()))
-            return yaw, max(2.0 * float(np.sqrt(ws.r[row])), 0.05), f"heading from {channel.name}"
+            return yaw, max(2.0 * sigma, 0.05), f"heading from {channel.name}"
     return None
 
 

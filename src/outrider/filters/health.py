@@ -19,7 +19,7 @@ H_SINCE: Final = 3  # s, when the row of disagreeing records began
 H_LAST_GOOD: Final = 4  # s, last accepted record
 H_LAST: Final = 5  # s, last record at all
 H_RATE: Final = 6  # running share of disagreeing records
-H_Y: Final = 7  # last rejected innovation, up to 3 rows
+H_Y: Final = 7  # last rejected innovation, its first 3 rows
 H_SIZE: Final = 10
 
 WARMING, HEALTHY, SUSPECT, FAULTED, RECOVERING = (
@@ -44,8 +44,11 @@ def gates(probability: float = 0.999, rows: int = 9) -> Floats:
 
 
 @kernel
-def judge(h: Floats, t: float, passes: bool, y: Floats, m: int) -> int:
-    """Update one source's row for a record that passes its gate or not; returns USED, GATED or FAULTED."""
+def judge(h: Floats, t: float, passes: bool, y: Floats) -> int:
+    """Update one source's row for a record that passes its gate or not; returns USED, GATED or FAULTED.
+
+    y : the innovation by rows, at least 3, NaN where there is none
+    """
     h[H_RATE] += MEMORY * ((0.0 if passes else 1.0) - h[H_RATE])
     h[H_LAST] = t
     state = int(h[H_STATE])
@@ -54,8 +57,8 @@ def judge(h: Floats, t: float, passes: bool, y: Floats, m: int) -> int:
             h[H_SINCE] = t
         h[H_BAD] += 1.0
         h[H_GOOD] = 0.0
-        for i in range(min(m, 3)):
-            h[H_Y + i] = y[i]
+        for i in range(3):
+            h[H_Y + i] = y[i] if np.isfinite(y[i]) else 0.0
         if state == RECOVERING or h[H_RATE] > FAULTY:
             h[H_STATE] = FAULTED
         elif h[H_RATE] > SUSPICIOUS:

@@ -86,6 +86,7 @@ class Scratch(NamedTuple):
     D: Floats
     H: Floats
     r: Floats
+    row: Ints  # which of its sensor's rows each row in use is
     w: Work
     x_before: Floats
     P_before: Floats
@@ -103,6 +104,7 @@ def scratch(size: int, n: int) -> Scratch:
         D=np.zeros((ROWS + 1, T_SIZE)),
         H=np.zeros((ROWS + 1, n)),
         r=np.zeros(ROWS + 1),
+        row=np.zeros(ROWS + 1, np.int64),
         w=workspace(n, ROWS + 1),
         x_before=np.zeros(size),
         P_before=np.zeros((n, n)),
@@ -172,13 +174,16 @@ def feed(model: Model, s: State, t: float, z: Floats, ws: Scratch) -> None:
 
 @kernel
 def measure(model: Model, sources: Sources, s: State, src: int, z: Floats, r: Floats, ws: Scratch) -> int:
-    """Innovation ws.y, Jacobian ws.H and variances ws.r of one record; rows without a finite variance are left out."""
+    """Innovation ws.y, Jacobian ws.H and variances ws.r of one record; rows without a finite variance are left out.
+
+    Returns how many rows are in use; ws.row tells which of the sensor's they are.
+    """
     kinematic_view(model.code, s.x, s.u, model.theta, ws.k, ws.K)
     rows = evaluate(sources.code[src], ws.k, z, sources.theta[src], ws.y, ws.D)
     m = 0
     for i in range(rows):
         if np.isfinite(r[i]) and r[i] >= 0.0 and np.isfinite(ws.y[i]):
-            ws.y[m], ws.r[m] = ws.y[i], r[i]
+            ws.y[m], ws.r[m], ws.row[m] = ws.y[i], r[i], i
             if m != i:
                 for j in range(T_SIZE):
                     ws.D[m, j] = ws.D[i, j]
@@ -203,8 +208,8 @@ def step(
     """Process one event.
 
     t [s]; src row of `sources`; z (ROWS,) the record and r (ROWS,) its variances; flag: a `Verdict` the record already
-    has (0 none, WITHHELD: score only, others: refused).  out (OUT_SIZE,): verdict, NIS, dof, y, predicted std of y,
-    SensorState.
+    has (0 none, WITHHELD: score only, others: refused).  out (OUT_SIZE,): verdict, NIS, dof, y and its predicted std
+    (both by the sensor's rows, NaN where one is not in use), SensorState.
     """
     for i in range(OUT_SIZE):
         out[i] = np.nan
@@ -232,15 +237,15 @@ def step(
     nis = innovate(s.P, ws.H, ws.r, ws.y, m, ws.w)
     out[OUT_NIS], out[OUT_DOF] = nis, m
     for i in range(m):
-        out[OUT_Y + i], out[OUT_S + i] = ws.y[i], np.sqrt(ws.w.S[i, i])
+        out[OUT_Y + ws.row[i]], out[OUT_S + ws.row[i]] = ws.y[i], np.sqrt(ws.w.S[i, i])
     if flag == _WITHHELD:
         return
     if not np.isfinite(nis):
         out[OUT_VERDICT] = _DIVERGED
         return
     h = s.health[src]
-    verdict = judge(h, t, nis <= sources.gate[src, m], ws.y, m)
-    if verdict != _USED and reset_is_due(model, sources, s, src, t, m):
+    verdict = judge(h, t, nis <= sources.gate[src, m], out[OUT_Y:OUT_S])
+    if verdict != _USED and reset_is_due(model, sources, s, src, t):
         widen(sources, s, src, m, ws)
         innovate(s.P, ws.H, ws.r, ws.y, m, ws.w)
         forgive(h, t)
@@ -299,7 +304,7 @@ def mark(s: State, t: float, m: int, ws: Scratch) -> None:
 
 
 @kernel
-def reset_is_due(model: Model, sources: Sources, s: State, src: int, t: float, m: int) -> bool:
+def reset_is_due(model: Model, sources: Sources, s: State, src: int, t: float) -> bool:
     """Whether a source that keeps disagreeing has earned the benefit of the doubt.
 
     It must be one that may reset, have disagreed for long enough and often enough with no record accepted from any
@@ -314,7 +319,7 @@ def reset_is_due(model: Model, sources: Sources, s: State, src: int, t: float, m
         if rival and recent:
             return False
     distance2 = 0.0
-    for i in range(min(m, count)):
+    for i in range(count):
         distance2 += s.health[src, H_Y + i] ** 2
     reach = model.limits[5] + model.limits[4] * (t - s.health[src, H_LAST_GOOD])
     return distance2 <= reach * reach
@@ -325,8 +330,10 @@ def widen(sources: Sources, s: State, src: int, m: int, ws: Scratch) -> None:
     """Open the covariance of the rows a reset may move by the innovation itself, and cut their correlations."""
     first, count = sources.reset[src, 0], sources.reset[src, 1]
     n = s.P.shape[0]
-    for i in range(min(m, count)):
-        row = first + i
+    for i in range(m):
+        if ws.row[i] >= count:
+            continue
+        row = first + ws.row[i]
         for j in range(n):
             if j != row:
                 s.P[row, j] = s.P[j, row] = 0.0

@@ -113,7 +113,8 @@ class Collector:
                 tally.states.append((float(t[i]), float(out[i, OUT_STATE])))
         reset = verdict == Verdict.RESET
         for i in np.flatnonzero(reset):
-            self.resets.append((float(t[i]), c, out[i, OUT_Y : OUT_Y + max(int(out[i, OUT_DOF]), 1)].copy()))
+            moved = out[i, OUT_Y : OUT_Y + self._f.channels[c].reset[1]]
+            self.resets.append((float(t[i]), c, np.nan_to_num(moved)))
         scored = out[:, OUT_DOF] > 0
         if not scored.any():
             return
@@ -121,10 +122,9 @@ class Collector:
         fine = np.isfinite(rows[:, OUT_NIS])
         tally.nis_sum += float(rows[fine, OUT_NIS].sum())
         tally.dof_sum += float(rows[fine, OUT_DOF].sum())
-        m = tally.rows.size
         tally.t.append(self._t0 + np.round(t[scored] * 1e9).astype(np.int64))
-        tally.y.append(rows[:, OUT_Y : OUT_Y + m])
-        tally.s.append(rows[:, OUT_S : OUT_S + m])
+        tally.y.append(rows[:, OUT_Y + tally.rows])
+        tally.s.append(rows[:, OUT_S + tally.rows])
         tally.z.append(z[scored][:, tally.rows])
         tally.nis.append(rows[:, OUT_NIS])
         tally.dof.append(rows[:, OUT_DOF].astype(np.int64))
