@@ -22,10 +22,12 @@ from outrider.eval.metrics import (
     velocity_errors,
 )
 from outrider.eval.outage import OutageScore, outage_windows, score_outages
+from outrider.eval.paired import Paired, Summary, bootstrap, corrected, paired, summary, wilcoxon
 
 __all__ = [
-    "Alignment", "Association", "Comparison", "OutageScore", "Rigid", "Statistics", "Test", "align", "associate",
-    "average_bounds", "average_test", "chi_square", "compare", "effective_samples", "ellipse_coverage", "family_level",
-    "heading_errors", "outage_windows", "pose_errors", "position_errors", "relative_errors", "score_outages",
-    "statistics", "velocity_errors",
+    "Alignment", "Association", "Comparison", "OutageScore", "Paired", "Rigid", "Statistics", "Summary", "Test",
+    "align", "associate", "average_bounds", "average_test", "bootstrap", "chi_square", "compare", "corrected",
+    "effective_samples", "ellipse_coverage", "family_level", "heading_errors", "outage_windows", "paired",
+    "pose_errors", "position_errors", "relative_errors", "score_outages", "statistics", "summary", "velocity_errors",
+    "wilcoxon",
 ]  # fmt: skip

@@ -1,0 +1,191 @@
+"""The folder of a campaign: one line per trial, written as the trial ends, so that nothing done is lost.
+
+campaign.json    the configuration, schema `outrider.trials/1`: rows of another configuration never mix with these
+rows.jsonl       one JSON object per line in the order in which trials ended, with how long each took; append only
+trials.parquet   the same as a table in the order of the trials, made when all have ended: same trials, same bytes
+"""
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, TextIO, cast, final
+
+from outrider.errors import ConfigError, DataError, OutputExistsError, UsageError
+from outrider.io.files import replacing
+from outrider.io.folders import as_json, plain, read_marker
+
+SCHEMA = "outrider.trials/1"
+MARKER, ROWS, TABLE = "campaign.json", "rows.jsonl", "trials.parquet"
+SHOWN = 3  # differences named before "and more"
+
+Record = dict[str, Any]
+"""A row: case [index], seed, values {name: number or list}, error (empty if none), wall_s."""
+
+
+@final
+class TrialStore:
+    """Rows of one campaign in a folder; a context that holds the folder against a second writer."""
+
+    def __init__(self, folder: Path, configuration: Mapping[str, object], *, resume: bool = False) -> None:
+        """Begin a folder, or with `resume` go on with one whose configuration is the same.
+
+        Raises `OutputExistsError` for a folder in use, `ConfigError` for another configuration, naming the difference.
+        """
+        self.folder = folder
+        self.rows: list[Record] = []
+        self.damaged = 0  # lines that hold no row: their trials count as not done
+        self._file: TextIO | None = None
+        _prepare(folder, plain(configuration), resume=resume)
+
+    def __enter__(self) -> "TrialStore":
+        try:
+            self._file = (self.folder / ROWS).open("a+", encoding="utf-8")
+            self._hold()
+            self._read()
+        except OSError as e:
+            self.__exit__()
+            raise _unwritable(e, self.folder) from None
+        except BaseException:
+            self.__exit__()
+            raise
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._file is not None:
+            self._file.close()
+            self._file = None
+
+    def append(self, row: Record) -> None:
+        """Store a row so that it outlives this process, however that ends."""
+        assert self._file is not None
+        try:
+            self._file.write(json.dumps(row, ensure_ascii=False) + "\n")
+            self._file.flush()
+        except OSError as e:  # a full disk, most likely: what is complete stays, the torn line is cut on resuming
+            raise _unwritable(e, self.folder) from None
+        self.rows.append(row)
+
+    def write_table(self, rows: Sequence[Record], cases: Sequence[Mapping[str, object]]) -> None:
+        """Write rows, in the order given, to the Parquet table."""
+        import pyarrow as pa
+        from pyarrow import parquet
+
+        columns = {
+            "trial.case": pa.array([r["case"] for r in rows], pa.int64()),
+            "trial.seed": pa.array([r["seed"] for r in rows], pa.int64()),
+            "trial.error": pa.array([r["error"] for r in rows], pa.string()),
+        }
+        for name in _names(cases):
+            columns[f"param.{name}"] = _column([cases[r["case"]].get(name) for r in rows])
+        for name in _names([r["values"] for r in rows]):
+            columns[name] = _column([r["values"].get(name) for r in rows])
+        with replacing(self.folder / TABLE, force=True) as part:
+            parquet.write_table(pa.table(columns), part)
+
+    def _hold(self) -> None:
+        """Nobody else may write here until the file is closed, even by the end of this process."""
+        assert self._file is not None
+        try:
+            import fcntl
+        except ImportError:  # no such locks on Windows
+            return
+        try:
+            fcntl.flock(self._file.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise UsageError("another process is running this campaign", where=str(self.folder)) from None
+
+    def _read(self) -> None:
+        """Take in what is stored; cut a last line that was never finished."""
+        assert self._file is not None
+        self._file.seek(0)
+        raw = self._file.buffer.read()  # type: ignore[attr-defined]
+        whole = raw[: raw.rfind(b"\n") + 1]
+        self.damaged = int(len(whole) < len(raw))
+        os.truncate(self.folder / ROWS, len(whole))
+        self._file.seek(0, os.SEEK_END)
+        for line in whole.splitlines():
+            row = _parsed(line)
+            if row is None:
+                self.damaged += 1
+            else:
+                self.rows.append(row)
+
+
+def read_trials(folder: Path) -> tuple[Record, list[Record]]:
+    """Configuration and rows of a folder, in the order in which they ended, whether or not all trials have."""
+    marker = read_marker(folder, MARKER, SCHEMA)
+    try:
+        lines = (folder / ROWS).read_bytes().splitlines() if (folder / ROWS).exists() else []
+    except OSError as e:
+        raise DataError(f"cannot be read: {(e.strerror or str(e)).lower()}", where=str(folder / ROWS)) from None
+    return marker["configuration"], [row for row in map(_parsed, lines) if row is not None]
+
+
+def _prepare(folder: Path, configuration: Record, *, resume: bool) -> None:
+    """Check the folder's marker, or write it into an empty or new folder."""
+    if folder.exists() and not folder.is_dir():
+        raise OutputExistsError("exists and is not a directory", where=str(folder), fix="name another folder")
+    if (folder / MARKER).exists():
+        if not resume:
+            raise OutputExistsError("holds an earlier campaign", where=str(folder), fix="resume it or name another")
+        different = _differences(read_marker(folder, MARKER, SCHEMA).get("configuration"), configuration)
+        if different:
+            more = f" and {len(different) - SHOWN} more" if len(different) > SHOWN else ""
+            what = "holds trials of another configuration: " + "; ".join(different[:SHOWN]) + more
+            raise ConfigError(what, where=str(folder), fix="name another folder to begin afresh")
+        return
+    if folder.is_dir() and any(folder.iterdir()):
+        raise OutputExistsError("is not empty and holds no campaign", where=str(folder), fix="name another folder")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with replacing(folder / MARKER) as part:
+            part.write_text(as_json({"schema": SCHEMA, "configuration": configuration}) + "\n", encoding="utf-8")
+    except OSError as e:
+        raise _unwritable(e, folder) from None
+
+
+def _differences(stored: object, now: object, where: str = "") -> list[str]:
+    """Every place in which two configurations differ, as `grid[2].tau: 0.5 in the folder, 1.0 now`."""
+    if isinstance(stored, dict) and isinstance(now, dict):
+        a, b = cast("Record", stored), cast("Record", now)
+        keys = [*a, *(k for k in b if k not in a)]
+        return [d for k in keys for d in _differences(a.get(k), b.get(k), f"{where}.{k}" if where else k)]
+    if isinstance(stored, list) and isinstance(now, list):
+        a, b = cast("list[object]", stored), cast("list[object]", now)
+        length = [] if len(a) == len(b) else [f"{where}: {len(a)} in the folder, {len(b)} now"]
+        both = zip(a, b, strict=False)
+        return [*length, *(d for i, (x, y) in enumerate(both) for d in _differences(x, y, f"{where}[{i}]"))]
+    return [] if stored == now else [f"{where}: {json.dumps(stored)} in the folder, {json.dumps(now)} now"]
+
+
+def _parsed(line: bytes) -> Record | None:
+    try:
+        row = json.loads(line)
+        whole = isinstance(row["case"], int) and isinstance(row["seed"], int) and isinstance(row["error"], str)
+        return cast("Record", row) if whole and isinstance(row["values"], dict) else None
+    except (ValueError, KeyError, TypeError):
+        return None
+
+
+def _names(mappings: Sequence[Mapping[str, object]]) -> list[str]:
+    """All keys, in the order in which they are met."""
+    return list(dict.fromkeys(name for m in mappings for name in m))
+
+
+def _column(values: list[Any]) -> Any:
+    """An Arrow column: numbers, lists of numbers, or text; what is mixed becomes JSON text."""
+    import pyarrow as pa
+
+    known = [v for v in values if v is not None]
+    if all(isinstance(v, bool) for v in known) and known:
+        return pa.array(values, pa.bool_())
+    if all(isinstance(v, (int, float)) and not isinstance(v, bool) for v in known):
+        return pa.array([None if v is None else float(v) for v in values], pa.float64())
+    if all(isinstance(v, list) and all(isinstance(x, (int, float)) for x in cast("list[object]", v)) for v in known):
+        return pa.array(values, pa.list_(pa.float64()))
+    return pa.array([v if v is None or isinstance(v, str) else json.dumps(v) for v in values], pa.string())
+
+
+def _unwritable(e: OSError, folder: Path) -> UsageError:
+    return UsageError(f"cannot be written: {(e.strerror or str(e)).lower()}", where=str(folder), fix="rows so far stay")
