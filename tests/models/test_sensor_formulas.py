@@ -25,6 +25,7 @@ from outrider.models.kinematics import (
     T_SIZE,
 )
 from outrider.models.sensors import Mount, Sensor, SensorModel, evaluate, simulate
+from outrider.models.wheels import mecanum_rank
 from outrider.typing import Floats
 
 LEVER = (0.4, -0.3, 0.8)
@@ -161,7 +162,7 @@ def test_rank_of_wheel_layouts() -> None:
     x_layout = s.WheelsMecanum.rectangle(0.3, 0.3).wheels
     o_layout = tuple((x, y, -angle) for x, y, angle in x_layout)  # mounted the wrong way round on a square base
     parallel = tuple((x, y, g) for x, y, _ in x_layout)
-    assert [s.mecanum_rank(w) for w in (x_layout, o_layout, parallel, x_layout[:3], x_layout[:2], ())] == [
+    assert [mecanum_rank(w) for w in (x_layout, o_layout, parallel, x_layout[:3], x_layout[:2], ())] == [
         3,
         2,
         2,

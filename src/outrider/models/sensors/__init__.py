@@ -21,8 +21,6 @@ from outrider.models.sensors.wheels import (
     Twist,
     WheelsDifferential,
     WheelsMecanum,
-    mecanum_matrix,
-    mecanum_rank,
 )
 
 __all__ = [
@@ -64,8 +62,6 @@ __all__ = [
     "ZeroRate",
     "ZeroVelocity",
     "evaluate",
-    "mecanum_matrix",
-    "mecanum_rank",
     "row_names",
     "simulate",
 ]

@@ -4,16 +4,15 @@ u = R_bs' (R' v + w x l) and w = R_bs' w_body below; s is the scale error: true 
 """
 
 from dataclasses import dataclass
-from math import atan, isfinite, pi, tan
+from math import atan, tan
 from typing import ClassVar, Self, final
-
-import numpy as np
 
 from outrider._kernel import kernel
 from outrider.errors import ConfigError
 from outrider.models.kinematics import K_S, K_W, T_S, T_W
 from outrider.models.sensors.geometry import clear, dot, in_mount, put, sensor_axis, triple, velocity_row
 from outrider.models.sensors.layout import MAX_ROWS, OWN, STRAIGHT, Mount, Sensor, deviations, require_positive
+from outrider.models.wheels import mecanum_rectangle, require_mecanum
 from outrider.typing import Floats
 
 
@@ -140,16 +139,6 @@ class WheelsDifferential:
         return deviations(self, self.sigma, self.sigma)
 
 
-def mecanum_matrix(wheels: tuple[tuple[float, float, float], ...]) -> Floats:
-    """(n, 3) rim speeds of wheels (x, y, roller angle) per u_x, u_y, w_z; below rank 3 some motion goes unseen."""
-    return np.array([(1.0, tan(g), x * tan(g) - y) for x, y, g in wheels]).reshape(-1, 3)
-
-
-def mecanum_rank(wheels: tuple[tuple[float, float, float], ...]) -> int:
-    """How many of forward, sideways and turning the wheels can tell apart."""
-    return int(np.linalg.matrix_rank(mecanum_matrix(wheels), tol=1e-6)) if wheels else 0
-
-
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WheelsMecanum:
@@ -164,19 +153,12 @@ class WheelsMecanum:
         where = self.code.name.lower()
         if len(self.wheels) > MAX_ROWS:
             raise ConfigError(f"{len(self.wheels)} wheels; at most {MAX_ROWS} can be used", where=where)
-        for wheel in self.wheels:
-            if not all(isfinite(a) for a in wheel) or abs(wheel[2]) > 0.49 * pi:
-                fix = "x and y in metres, angle in radians between -pi/2 and pi/2"
-                raise ConfigError(f"wheel {wheel} cannot drive", where=where, fix=fix)
-        if mecanum_rank(self.wheels) < 3:
-            fix = "neighbouring wheels need opposite roller angles"
-            raise ConfigError("these wheels cannot tell forward, sideways and turning apart", where=where, fix=fix)
+        require_mecanum(self.wheels, where)
 
     @classmethod
     def rectangle(cls, half_length: float, half_width: float, *, mount: Mount = STRAIGHT, sigma: float = 0.05) -> Self:
         """Front left, front right, rear left, rear right at 45 degrees; an X when seen from above."""
-        a, b, g = half_length, half_width, 0.25 * pi
-        return cls(mount=mount, wheels=((a, b, -g), (a, -b, g), (-a, b, g), (-a, -b, -g)), sigma=sigma)
+        return cls(mount=mount, wheels=mecanum_rectangle(half_length, half_width), sigma=sigma)
 
     def theta(self) -> Floats:
         return self.mount.theta(len(self.wheels), *(a for x, y, g in self.wheels for a in (x, y, tan(g))))
