@@ -58,3 +58,9 @@ class OutputExistsError(OutriderError):
     """The output is there already; nothing was overwritten."""
 
     exit_code = ExitCode.USAGE
+
+
+class InterruptionError(OutriderError):
+    """Ctrl-C stopped work that is kept: the message says how much, and where."""
+
+    exit_code = ExitCode.INTERRUPTED

@@ -214,6 +214,37 @@ def sources(
     return ExitCode.OK
 
 
+@app.command(short_help="Show the tables of the papers beside ours.")
+def papers(
+    name: Annotated[str | None, typer.Argument(metavar="[NAME]", help="Which paper; all if there is none.")] = None,
+    names: Annotated[bool, typer.Option("--list", help="Say which papers there are.")] = False,
+    form: Annotated[
+        str, typer.Option("--format", metavar="FORMAT", help="What to print on stdout: text, html or json.")
+    ] = "text",
+    seeds: Annotated[
+        int | None, typer.Option("--seeds", metavar="N", help="Runs per case, instead of each experiment's number.")
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option("--workers", metavar="N", help="Processes; 0 for none but this one, else all cores.")
+    ] = None,
+    trials: Annotated[
+        Path | None, typer.Option("--trials", metavar="DIR", help="Keep every run there, and go on with what it holds.")
+    ] = None,
+    output: Output = None,
+    force: Force = False,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> int:
+    """Show every table and figure of the papers, as printed and ours, with seeds, spread and a verdict."""
+    from outrider.cli.papers import print_listing, print_papers
+
+    if names:
+        return print_listing(form)
+    return print_papers(
+        name, form=form, seeds=seeds, workers=workers, trials=trials, output=output, force=force, quiet=quiet
+    )
+
+
 @app.command(short_help="Print the JSON schema of a configuration file.")
 def schema(
     what: Annotated[str, typer.Argument(metavar="WHAT", help="fuse: the configuration of `outrider fuse`.")] = "fuse",

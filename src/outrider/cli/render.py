@@ -183,6 +183,74 @@ def sources(listing: "Listing") -> None:
         out.print(Text(listing.complaint, "bold red"))
 
 
+def papers(document: Mapping[str, Any]) -> None:
+    """The tables of papers, or the papers themselves where nothing was computed."""
+    out = console()
+    for k, paper in enumerate(document["papers"]):
+        if k and "tables" in paper:
+            out.print()
+        out.print(Text.assemble((paper["name"], "bold"), f": {paper['title']}"))
+        if "tables" not in paper:
+            out.print(Text(f"  {paper['citation']}", "dim"))
+            continue
+        out.print(Text(f"{paper['citation']}. {paper['about']}", "dim"))
+        for table in paper["tables"]:
+            _paper_table(out, table)
+        if paper["figures"]:
+            out.print()
+            out.print(Text(f"figures, with --output: {'; '.join(f['title'] for f in paper['figures'])}", "dim"))
+
+
+def _paper_table(out: Console, table: Mapping[str, Any]) -> None:
+    out.print()
+    out.print(Text(table["title"], "bold"))
+    told = [f"{table['sentence']}." if table["sentence"] else "", table["note"]]
+    out.print(Text(" ".join(t for t in told if t)), soft_wrap=True)
+    if table["rows"]:
+        _print_table(out, _values(table["rows"]))
+    if table["pairs"]:
+        made = _table("on the same seeds", ">difference", ">95 % of the mean", ">less in", ">p (t)", ">p (W)", ">pairs")
+        for p in table["pairs"]:
+            numbers = (_number(p["mean"]), _between(p), f"{p['wins']:.0%}", _number(p["p_t"], 2))
+            made.add_row(escape(_named(p)), *numbers, _number(p["p_wilcoxon"], 2), f"{p['n']}")
+        _print_table(out, made)
+    for row in (*table["rows"], *table["pairs"]):
+        if row["note"]:
+            out.print(Text(f"  {row['name']}: {row['note']}", "dim"), soft_wrap=True)
+
+
+def _values(rows: Sequence[Mapping[str, Any]]) -> Table:
+    """Printed and ours; a group has a line of its own."""
+    seeded = any(r["ours"] and r["ours"]["n"] for r in rows)
+    interval = (">95 % of the mean", ">seeds") if seeded else ()
+    made = _table("value", ">printed", ">ours", *interval, ">ours - printed", "verdict")
+    group = ""
+    for r in rows:
+        if r["group"] != group:
+            group = r["group"]
+            made.add_row(Text(group, "bold"))
+        ours = r["ours"] or {"mean": None, "low": None, "high": None, "n": 0}
+        sign = "" if r["relation"] == "=" else f"{r['relation']} "
+        spread = f" +- {r['printed_sd']}" if r["printed_sd"] else ""
+        made.add_row(
+            escape(_named(r)),
+            f"{sign}{r['printed']}{spread}" if r["printed"] else NONE,
+            _number(ours["mean"], 4),
+            *((_between(ours), f"{ours['n']}") if ours["n"] else ("", "") if seeded else ()),
+            _number(r["deviation"], 2) if r["deviation"] is not None else "",
+            Text(r["sentence"], {"agrees": "green", "differs": "yellow"}.get(r["verdict"], "dim")),
+        )
+    return made
+
+
+def _named(row: Mapping[str, Any]) -> str:
+    return f"{row['name']} [{row['unit']}]" if row["unit"] else row["name"]
+
+
+def _between(ours: Mapping[str, Any]) -> str:
+    return f"{_number(ours['low'])} to {_number(ours['high'])}" if ours["low"] is not None else NONE
+
+
 def _errors(table: Table, name: str, s: "Statistics", scale: float = 1.0) -> None:
     if s.n:
         table.add_row(escape(name), *(_number(scale * v) for v in (s.rmse, s.mean, s.median, s.p95, s.max)), f"{s.n}")

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import final
 
 import numpy as np
-from jinja2 import Environment, StrictUndefined
+from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 
@@ -39,28 +39,37 @@ class Plot:
 
 def write_report(run: Run, path: Path, *, reference: Trajectory | None = None, command: str = "") -> None:
     """Write the self-contained HTML report of a run; `command` is what to type to get it again, if not the default."""
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    environment.filters["code"] = _code
-    template = environment.from_string(files("outrider.plot").joinpath("report.html.j2").read_text("utf-8"))
-    html = template.render(
-        run=run,
-        log_name=tables.log_name(run),
-        verdict=run.outcome.value,
-        tone=tables.tone(run.outcome),
-        facts=[tables.span(tables.duration(run)), tables.number(distance(run.fused.pose), "m")],
-        findings=tables.sorted_findings(run),
-        cards=tables.cards(run, reference),
-        colours={name: f"var({css_name(colour)})" for name, colour in run_colours(run).items()},
-        palette=[(css_name(light), light, dark) for light, dark in DARK.items()],
-        rows=tables.account_rows(run),
-        resets=tables.reset_rows(run),
-        config=tables.outline(run.config) if run.config else "",
-        versions=dict(run.versions) or {"outrider": __version__},
-        command=command or tables.command(run),
-        datum=_datum(run),
-        **_plots(run, reference),
+    html = (
+        page_environment()
+        .get_template("report.html.j2")
+        .render(
+            run=run,
+            log_name=tables.log_name(run),
+            verdict=run.outcome.value,
+            tone=tables.tone(run.outcome),
+            facts=[tables.span(tables.duration(run)), tables.number(distance(run.fused.pose), "m")],
+            findings=tables.sorted_findings(run),
+            cards=tables.cards(run, reference),
+            colours={name: f"var({css_name(colour)})" for name, colour in run_colours(run).items()},
+            palette=[(css_name(light), light, dark) for light, dark in DARK.items()],
+            rows=tables.account_rows(run),
+            resets=tables.reset_rows(run),
+            config=tables.outline(run.config) if run.config else "",
+            versions=dict(run.versions) or {"outrider": __version__},
+            command=command or tables.command(run),
+            datum=_datum(run),
+            **_plots(run, reference),
+        )
     )
     path.write_text(html, encoding="utf-8")
+
+
+def page_environment() -> Environment:
+    """The templates of our pages; the filter `code` sets what stands in backquotes as code."""
+    loader = FunctionLoader(lambda name: files("outrider.plot").joinpath(name).read_text("utf-8"))
+    made = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    made.filters["code"] = _code
+    return made
 
 
 def _plots(run: Run, reference: Trajectory | None) -> dict[str, object]:
