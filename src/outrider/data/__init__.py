@@ -2,6 +2,7 @@
 
 from outrider.data.belief import Block, Ensemble, Gaussian, Manifold, StateLayout
 from outrider.data.events import Altitude, EventLog, Fix, Kind, Stream, joined, stream
+from outrider.data.grid import Grid
 from outrider.data.run import (
     REASONS,
     Account,
@@ -19,6 +20,6 @@ from outrider.data.trajectory import Datum, Trajectory
 
 __all__ = [
     "REASONS", "Account", "Altitude", "Block", "Datum", "Ensemble", "Estimates", "EventLog", "Finding", "Fix",
-    "Gaussian", "Innovations", "Kind", "Manifold", "Outcome", "Reset", "Run", "SensorState", "StateLayout", "Stream",
-    "Trajectory", "Verdict", "empty_estimates", "joined", "stream",
+    "Gaussian", "Grid", "Innovations", "Kind", "Manifold", "Outcome", "Reset", "Run", "SensorState", "StateLayout",
+    "Stream", "Trajectory", "Verdict", "empty_estimates", "joined", "stream",
 ]  # fmt: skip
