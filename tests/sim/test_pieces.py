@@ -4,6 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
+from devices import NOWHERE
 
 from outrider.data import joined
 from outrider.sim import Attitude, Baro, BodyTwist, Gnss, GnssVelocity, Heading, Imu, Plain, Sensor, drone_log
@@ -20,7 +21,7 @@ SENSORS: tuple[Sensor | Plain, ...] = (
 @pytest.mark.parametrize("cuts", [(1,), (200, 201, 777), tuple(range(50, 1000, 50))], ids=len)
 def test_pieces_are_the_whole(sensor: Sensor | Plain, cuts: tuple[int, ...]) -> None:
     truth = drone_log(3, 5.0, sensors=())[1]
-    setting = Setting(robot="drone", start=truth.start, end=int(truth.t[-1]))
+    setting = Setting(world=NOWHERE, robot="drone", start=truth.start, end=int(truth.t[-1]), seed=3)
 
     def device():
         return make_device(sensor, setting, generator(3, "drone", sensor.name))

@@ -4,6 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from devices import sampled
 
 from outrider.core.geodesy import geodetic_to_enu
 from outrider.core.rotations import quats_multiply, quats_to_matrices, rpy_to_quats
@@ -44,7 +45,7 @@ def patrol() -> Truth:
 
 def test_imu_noise_falls_with_averaging_as_white_noise_does():
     still = follow(np.zeros((1, 3)), 1.0, 400.0, 50.0)
-    z = Imu(rate_hz=50.0, gyro_density=1e-3, accel_density=0.02).sample(still, np.random.default_rng(0)).z
+    z = sampled(Imu(rate_hz=50.0, gyro_density=1e-3, accel_density=0.02), still, np.random.default_rng(0)).z
     for columns, density in ((slice(0, 3), 1e-3), (slice(3, 6), 0.02)):
         for seconds in (0.02, 0.2, 2.0):  # Allan deviation of white noise: density / sqrt(tau)
             m = round(50.0 * seconds)
@@ -55,7 +56,7 @@ def test_imu_noise_falls_with_averaging_as_white_noise_does():
 
 
 def test_imu_adds_bias_and_turns_into_its_mount(flight):
-    quiet = Imu(gyro_density=0.0, accel_density=0.0, mount=TILTED).sample(flight, np.random.default_rng(0))
+    quiet = sampled(Imu(gyro_density=0.0, accel_density=0.0, mount=TILTED), flight, np.random.default_rng(0))
     R = quats_to_matrices(np.array(TILTED))
     np.testing.assert_allclose(quiet.z[:, :3] @ R.T, flight.w + flight.bias.gyro, atol=1e-12)
     np.testing.assert_allclose(quiet.z[:, 3:] @ R.T, flight.f + flight.bias.accel, atol=1e-11)

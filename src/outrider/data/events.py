@@ -37,16 +37,18 @@ class Kind(Enum):
     RANGE = "range"  # beacon id, m
     RANGE_BEARING = "range_bearing"  # bearing rad, body, left positive
     RELATIVE_POSE = "relative_pose"  # of the other robot in this body frame
+    SCAN = "scan"  # ranges [m] of a 2-D lidar, inf where nothing returned; extra: angle_min, angle_step, range_max
     COMMAND = "command"  # commanded velocity, world, m/s
     ESTIMATE = "estimate"  # another estimator's answer
     STATUS = "status"  # an autopilot's own estimator flags, for the report and for comparison
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Names of the columns of `Stream.z` (WHEELS has one column per wheel instead)."""
+        """Names of the columns of `Stream.z` (WHEELS has one per wheel instead, SCAN one per beam)."""
         return _COLUMNS[self]
 
 
+_ANY_WIDTH = {Kind.WHEELS, Kind.SCAN}
 _POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 _COLUMNS: Mapping[Kind, tuple[str, ...]] = {
     Kind.IMU: ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"),
@@ -68,6 +70,7 @@ _COLUMNS: Mapping[Kind, tuple[str, ...]] = {
     Kind.RANGE: ("beacon", "range"),
     Kind.RANGE_BEARING: ("beacon", "range", "bearing"),
     Kind.RELATIVE_POSE: ("robot", *_POSE),
+    Kind.SCAN: ("ranges",),
     Kind.COMMAND: ("v_x", "v_y", "v_z"),
     Kind.ESTIMATE: (*_POSE, "v_east", "v_north", "v_up"),
     Kind.STATUS: ("flags",),
@@ -125,7 +128,7 @@ class Stream:
             raise DataError(
                 f"columns of unequal length: t {n}, z {self.z.shape}, var {self.var.shape}", where=self.name
             )
-        if self.kind is not Kind.WHEELS and self.z.shape[1] != len(self.kind.columns):
+        if self.kind not in _ANY_WIDTH and self.z.shape[1] != len(self.kind.columns):
             raise DataError(
                 f"{self.kind.name} needs columns {self.kind.columns}, got {self.z.shape[1]}", where=self.name
             )

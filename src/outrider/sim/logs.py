@@ -13,16 +13,34 @@ from outrider.models.motion.planar import PlanarRobot
 from outrider.sim import faults as spoil
 from outrider.sim.motion import GENTLE, drive, fly, follow
 from outrider.sim.noise import generator
-from outrider.sim.sensors import Attitude, Baro, BodyTwist, Gnss, GnssVelocity, Imu, Magnetometer, Plain
+from outrider.sim.sensors import (
+    Attitude,
+    Baro,
+    BodyTwist,
+    Gnss,
+    GnssVelocity,
+    Imu,
+    Magnetometer,
+    Plain,
+    Sensor,
+    Setting,
+    make_device,
+)  # fmt: skip
 from outrider.sim.truth import EPOCH, SITE, Drift, Place, Truth, drift
+from outrider.sim.world import World
 from outrider.typing import Floats
 
 ANTENNA = (0.20, 0.05, 0.60)  # m, body: where the demo robots carry their GNSS antenna
 
 
-def sense(truth: Truth, sensors: Iterable[Plain], seed: int, mounts: Mapping[str, Floats] | None = None) -> EventLog:
+def sense(
+    truth: Truth, sensors: Iterable[Sensor | Plain], seed: int, mounts: Mapping[str, Floats] | None = None
+) -> EventLog:
     """Every sensor's record of the truth, each from random numbers of its own."""
-    streams = {s.name: s.sample(truth, generator(seed, truth.robot, s.name)) for s in sensors}
+    world = World(name="flat", datum=truth.datum, gravity=truth.gravity)
+    setting = Setting(world=world, robot=truth.robot, start=truth.start, end=int(truth.t[-1]), seed=seed)
+    devices = {s.name: make_device(s, setting, generator(seed, truth.robot, s.name)) for s in sensors}
+    streams = {name: device(truth, {}) for name, device in devices.items()}
     return signed(EventLog(streams=streams, path=f"simulated-{seed}", mounts=mounts or {}))
 
 
@@ -34,7 +52,7 @@ def wheeled_log(
     exact: bool = False,
     model: PlanarRobot = GENTLE,
     errors: Drift | None = None,
-    sensors: Sequence[Plain] | None = None,
+    sensors: Sequence[Sensor | Plain] | None = None,
     faults: Sequence[str] = (),
     robot: str = "robot",
 ) -> tuple[EventLog, Truth]:
@@ -52,7 +70,7 @@ def drone_log(
     rate_hz: float = 200.0,
     speed: float = 4.0,
     errors: Drift = Drift(gnss_sigma=0.5, gnss_sigma_up=1.0, baro_start=1.0, baro_walk=0.02),
-    sensors: Sequence[Plain] | None = None,
+    sensors: Sequence[Sensor | Plain] | None = None,
     faults: Sequence[str] = (),
     robot: str = "drone",
 ) -> tuple[EventLog, Truth]:
@@ -87,12 +105,12 @@ def antenna(frame: str = "gnss") -> dict[str, Floats]:
     return {frame: T, "imu": np.eye(4)}
 
 
-def _wheeled(rate_hz: float) -> tuple[Plain, ...]:
+def _wheeled(rate_hz: float) -> tuple[Sensor | Plain, ...]:
     gnss = Gnss(lever=ANTENNA, latency_s=0.12, phase_s=0.013)
     return Imu(rate_hz=rate_hz), BodyTwist(), gnss, Attitude()
 
 
-def _flying(rate_hz: float) -> tuple[Plain, ...]:
+def _flying(rate_hz: float) -> tuple[Sensor | Plain, ...]:
     site = SITE
     gnss = Gnss(sigma=0.4, sigma_up=0.7, lever=ANTENNA, fix=Fix.SINGLE, satellites=14, latency_s=0.2)
     doppler = GnssVelocity(lever=ANTENNA, latency_s=0.2)

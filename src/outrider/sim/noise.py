@@ -5,6 +5,7 @@ from zlib import crc32
 import numpy as np
 from numpy.random import Generator
 
+from outrider._kernel import kernel
 from outrider.typing import Floats
 
 
@@ -31,8 +32,15 @@ def gauss_markov(
 ) -> Floats:
     """(n, columns) x' = -x / tau + noise, in its steady state: deviation sigma, autocorrelation exp(-lag / tau)."""
     x = rng.standard_normal((n, columns)) * np.asarray(sigma)
-    keep = np.exp(-dt / tau_s)
+    keep = float(np.exp(-dt / tau_s))
     x[1:] *= np.sqrt(1.0 - keep * keep)
-    for k in range(1, n):
-        x[k] += keep * x[k - 1]
+    carry_on(x, keep)
     return x
+
+
+@kernel
+def carry_on(x: Floats, keep: float) -> None:
+    """x_k += keep x_(k-1), row by row."""
+    for k in range(1, x.shape[0]):
+        for j in range(x.shape[1]):
+            x[k, j] += keep * x[k - 1, j]

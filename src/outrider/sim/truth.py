@@ -88,7 +88,7 @@ class Truth:
         """The poses and velocities alone."""
         return Trajectory(t=self.t, p=self.p, q=self.q, v=self.v, datum=self.datum, name="truth")
 
-    def select(self, keep: Bools | slice) -> "Truth":
+    def select(self, keep: Bools | Ints | slice) -> "Truth":
         """The same truth with only the given rows."""
         bias = Biases(**{f.name: getattr(self.bias, f.name)[keep] for f in fields(Biases)})
         rows = {name: getattr(self, name)[keep] for name in ("t", "p", "q", "v", "w", "f", "actuators")}
@@ -159,7 +159,7 @@ class Drift:
 def drift(truth: Truth, rng: Generator, how: Drift = Drift()) -> Truth:
     """The same motion with slow sensor errors drawn anew."""
     n, dt = len(truth), truth.dt
-    travelled = np.linalg.norm(truth.v, axis=1) * dt
+    travelled = np.linalg.norm(np.nan_to_num(truth.v), axis=1) * dt  # a motion still to come counts as none
     gyro, accel, gnss, baro, wheels = rng.spawn(5)  # so that changing one leaves the others alone
     bias = Biases(
         gyro=random_walk(gyro, n, 3, dt, how.gyro_walk, how.gyro_start),

@@ -33,6 +33,7 @@ def unused(d: Draft, s: Stream) -> None:
         Kind.ESTIMATE: "another estimator's answer, drawn for comparison",
         Kind.STATUS: "another estimator's flags",
         Kind.ODOMETRY_POSE: "the base's own integrated pose: it drifts, its twist is fused instead",
+        Kind.SCAN: "a lidar scan: it says where one is on a map only",
         Kind.RELATIVE_POSE: "sees another robot: needs a team configuration",
     }
     why = reasons.get(s.kind, f"{s.kind.value} has no use for a {d.motion.name.lower()} vehicle")

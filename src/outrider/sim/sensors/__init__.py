@@ -4,9 +4,13 @@ from outrider.sim.sensors.base import Device, Plain, Sensor, Setting, make_devic
 from outrider.sim.sensors.field import Baro, Heading, Magnetometer
 from outrider.sim.sensors.gnss import Gnss, GnssVelocity
 from outrider.sim.sensors.inertial import Attitude, Imu
-from outrider.sim.sensors.wheels import BodyTwist
+from outrider.sim.sensors.receiver import GnssReceiver, Quality, Spell
+from outrider.sim.sensors.sight import Lidar, ObjectPose, RobotCamera, StereoVelocity, Uwb
+from outrider.sim.sensors.wheels import BodyTwist, SteeringEncoder, WheelEncoders
+from outrider.sim.sensors.wrong import Clocked, Faulty, Wrong
 
 __all__ = [
-    "Attitude", "Baro", "BodyTwist", "Device", "Gnss", "GnssVelocity", "Heading", "Imu", "Magnetometer", "Plain",
-    "Sensor", "Setting", "make_device",
+    "Attitude", "Baro", "BodyTwist", "Clocked", "Device", "Faulty", "Gnss", "GnssReceiver", "GnssVelocity", "Heading",
+    "Imu", "Lidar", "Magnetometer", "ObjectPose", "Plain", "Quality", "RobotCamera", "Sensor", "Setting", "Spell",
+    "SteeringEncoder", "StereoVelocity", "Uwb", "WheelEncoders", "Wrong", "make_device",
 ]  # fmt: skip

@@ -14,6 +14,7 @@ from numpy.random import Generator
 
 from outrider.data import Kind, Stream, stream
 from outrider.sim.truth import Truth
+from outrider.sim.world import World
 from outrider.typing import Floats, Ints
 
 Vector: TypeAlias = tuple[float, float, float]
@@ -29,9 +30,20 @@ Device: TypeAlias = Callable[[Truth, Mapping[str, Truth]], Stream]
 class Setting:
     """The run that a device is made for. start, end : ns."""
 
+    world: World
     robot: str
     start: int
     end: int
+    seed: int
+
+    def seconds(self, t: Ints) -> Floats:
+        """(n,) since the start."""
+        return np.asarray((t - self.start) * 1e-9, np.float64)
+
+    @property
+    def duration_s(self) -> float:
+        """Of the longest possible run."""
+        return (self.end - self.start) * 1e-9
 
 
 @runtime_checkable

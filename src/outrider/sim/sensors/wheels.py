@@ -1,5 +1,6 @@
-"""Wheel odometry as a base reckons it."""
+"""Wheel odometry as a base reckons it, and the encoders below it."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import final
 
@@ -9,7 +10,7 @@ from numpy.random import Generator
 from outrider.core.rotations import quats_conjugate
 from outrider.data import Kind, Stream
 from outrider.sim.noise import white
-from outrider.sim.sensors.base import record, stamps
+from outrider.sim.sensors.base import Device, Setting, record, stamps
 from outrider.sim.truth import Truth, rotate
 
 
@@ -35,3 +36,71 @@ class BodyTwist:
         z, variance = np.zeros((n, 6)), np.full(6, np.nan)
         z[:, known], variance[known] = measured[:, known], sigma[known] ** 2
         return record(self, Kind.TWIST, here, z, variance, frame=self.frame)
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WheelEncoders:
+    """Rim speed of each of the first `wheels` actuators, from ticks counted between two records.
+
+    tick : rim distance [m] of one tick, 0 for none;  scale : relative error of the wheel radius, one sigma, drawn once
+    per wheel;  gear : motor turns per wheel turn, for the motor speed in r/min that goes beside (`extra`).
+    """
+
+    name: str = "encoders"
+    wheels: int = 4
+    rate_hz: float = 50.0
+    tick: float = 2e-4
+    scale: float = 0.0
+    sigma: float = 0.0  # m/s
+    radius: float = 0.1  # m
+    gear: float = 1.0
+    frame: str = "base_link"
+
+    def device(self, setting: Setting, rng: Generator) -> Device:
+        factor = 1.0 + self.scale * rng.spawn(1)[0].standard_normal(self.wheels)
+        travelled, counted = np.zeros(self.wheels), np.zeros(self.wheels)
+        rest = (self.tick * self.rate_hz) ** 2 / 6.0 if self.tick else 0.0  # difference of two rounded counts
+
+        def sense(own: Truth, others: Mapping[str, Truth]) -> Stream:
+            nonlocal travelled, counted
+            t = stamps(own, self.rate_hz)
+            rim = own.actuators[:, : self.wheels] * factor
+            way = travelled + np.vstack([np.zeros(self.wheels), np.cumsum(rim[1:] * own.dt, axis=0)])
+            travelled = way[-1]
+            at = np.column_stack([np.interp(t - own.t[0], own.t - own.t[0], column) for column in way.T])
+            counts = np.floor(at / self.tick) * self.tick if self.tick else at
+            moved = np.diff(np.vstack([counted, counts]), axis=0)
+            counted = counts[-1] if t.size else counted
+            z = moved * self.rate_hz + white(rng, t.size, self.wheels, self.sigma)
+            rpm = z / self.radius * self.gear * 30.0 / np.pi
+            extra = {f"motor_{i}_rpm": rpm[:, i] for i in range(self.wheels)}
+            variance = np.full(self.wheels, max(self.sigma**2 + rest, 1e-12))
+            return record(self, Kind.WHEELS, own.at(t), z, variance, frame=self.frame, extra=extra)
+
+        return sense
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SteeringEncoder:
+    """Speed of the rear axle and angle of the front wheels: columns `speed` and `angle` of the actuators."""
+
+    name: str = "steering"
+    rate_hz: float = 50.0
+    speed: int = 0
+    angle: int = -1
+    sigma_speed: float = 0.02  # m/s
+    sigma_angle: float = 0.003  # rad
+    offset: float = 0.0  # rad, of the angle's zero
+    frame: str = "base_link"
+
+    def sample(self, truth: Truth, rng: Generator) -> Stream:
+        here = truth.at(stamps(truth, self.rate_hz))
+        sigma = np.array([self.sigma_speed, self.sigma_angle])
+        z = (
+            here.actuators[:, [self.speed, self.angle]]
+            + np.array([0.0, self.offset])
+            + white(rng, len(here), 2, 1.0) * sigma
+        )
+        return record(self, Kind.ACKERMANN, here, z, sigma**2, frame=self.frame)

@@ -1,0 +1,88 @@
+"""One robot under way: its body, its sensors, and the agent that decides on what they say."""
+
+from collections.abc import Mapping, Sequence
+from typing import final
+
+import numpy as np
+
+from outrider.data import Stream, joined
+from outrider.data.agents import Agent, Message, Planned, arrived
+from outrider.errors import ConfigError
+from outrider.sim.course import Course
+from outrider.sim.noise import generator
+from outrider.sim.sensors import Setting, make_device
+from outrider.sim.team import Robot
+from outrider.sim.truth import Truth
+from outrider.sim.world import World
+from outrider.typing import Floats
+
+
+@final
+class Actor:
+    """A robot of a run. due : ns, when its agent wants to be asked next;  done : whether its mission is over."""
+
+    def __init__(self, world: World, robot: Robot, start: int, end: int, seed: int) -> None:
+        self.robot, self.course = robot, Course(world, robot, start, end, seed)
+        setting = Setting(world=world, robot=robot.name, start=start, end=end, seed=seed)
+        self._devices = [(s.name, make_device(s, setting, generator(seed, robot.name, s.name))) for s in robot.sensors]
+        if len({name for name, _ in self._devices}) != len(self._devices):
+            raise ConfigError("two sensors of one name", where=f"robot {robot.name}", fix="give each a name of its own")
+        self._kept: dict[str, list[Stream]] = {}
+        self._fresh: list[Stream] = []  # not yet arrived as a whole
+        self._told, self._heard = start - 1, False
+        self._agent: Agent | None = None
+        self._command: Floats | Planned = np.zeros(0)
+        if isinstance(robot.agent, Planned):
+            self._command = robot.agent
+        elif robot.agent is not None:
+            self._agent = robot.agent
+            self._command = np.zeros(len(robot.vehicle.inputs) if robot.vehicle else 0)
+        elif robot.vehicle is not None:
+            raise ConfigError("has a vehicle but no agent", where=f"robot {robot.name}", fix="give it one")
+        self.due = start if self._agent else end
+        self.done = False
+
+    def move(self, until: int) -> None:
+        """Let the body take its steps up to `until` [ns]."""
+        self.course.move(until, self._command)
+
+    def sense(self, pieces: Mapping[str, Truth]) -> None:
+        """Let every sensor record the newest piece of everybody's truth."""
+        self._heard = True
+        own = pieces[self.robot.name]
+        others = {name: piece for name, piece in pieces.items() if name != self.robot.name}
+        for name, device in self._devices:
+            records = device(own, others)
+            if len(records):
+                self._kept.setdefault(name, []).append(records)
+                if self._agent is not None:
+                    self._fresh.append(records)
+
+    def act(self, now: int, inbox: Sequence[Message]) -> tuple[tuple[Message, ...], str]:
+        """Ask the agent: messages to send, and what it had to say."""
+        if self._agent is None:
+            return (), ""
+        news = [arrived(s, self._told, now) for s in self._fresh]
+        self._fresh = [s for s in self._fresh if bool((s.t_arrival > now).any())]
+        self._told = now if self._heard else self._told  # nothing has been sensed before the first step
+        action = self._agent.act(now, [s for s in news if len(s)], inbox)
+        if action.command is not None:
+            self._command = self._checked(action.command)
+        for records in action.records:
+            self._kept.setdefault(records.name, []).append(records)
+        self.done = action.done
+        self.due = now + round(self._agent.period_s * 1e9)
+        return action.messages, action.note
+
+    def log(self, until: int, *, prefixed: bool) -> dict[str, Stream]:
+        """Everything that was recorded up to `until` [ns], by name."""
+        prefix = f"{self.robot.name}/" if prefixed else ""
+        whole = {name: joined(parts) for name, parts in self._kept.items()}
+        return {f"{prefix}{name}": s.select(s.t <= until).named(f"{prefix}{name}") for name, s in whole.items()}
+
+    def _checked(self, command: Floats) -> Floats:
+        inputs = self.robot.vehicle.inputs if self.robot.vehicle else ()
+        if command.shape != (len(inputs),) or not bool(np.isfinite(command).all()):
+            fix = f"send {', '.join(inputs)} as finite numbers"
+            raise ConfigError(f"commands {command.tolist()}", where=f"the agent of {self.robot.name}", fix=fix)
+        return np.asarray(command, np.float64)

@@ -1,0 +1,148 @@
+"""What the simulator watches over the agents' heads, against truth: collisions, separation, the fence.
+
+A robot is an upright cylinder on its body origin. Against the world it is as many balls as its rim needs.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from itertools import combinations
+from math import hypot, inf
+from typing import TypeVar, final
+
+import numpy as np
+
+from outrider.sim.truth import Truth
+from outrider.sim.world import World
+from outrider.typing import Floats, Ints
+
+K = TypeVar("K")
+
+LOOKS_HZ = 20.0
+RIM = 12  # balls around a flat hull
+NEAR = 1.0  # m: from here on a hull counts with its shape
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hull:
+    """The cylinder of one robot [m]."""
+
+    radius: float = 0.3
+    height: float = 0.5
+
+    def balls(self) -> Floats:
+        """(m, 3) centres, from the middle of the cylinder, of equal balls that fill it to its walls or to its ends."""
+        slack, up = self.radius - self.height / 2, np.array([0.0, 0.0, 1.0])
+        if slack <= 0.0:
+            return np.linspace(slack, -slack, 5)[:, None] * up
+        angles = np.linspace(0.0, 2 * np.pi, RIM, endpoint=False)
+        rim = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(RIM)]) * slack
+        return np.vstack([np.zeros((1, 3)), rim])
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Closest:
+    """The closest a robot came to something. distance [m] between the surfaces;  t : ns;  what : its name."""
+
+    robot: str
+    what: str
+    distance: float
+    t: int
+
+
+@final
+@dataclass(slots=True)
+class Monitor:
+    """Everything watched in one run; the closest moment is kept of each robot to the world, to
+    each other robot, and to the fence (negative: outside)."""
+
+    world: World
+    hulls: Mapping[str, Hull]
+    start: int
+    clearances: dict[str, Closest] = field(default_factory=dict[str, Closest])
+    separations: dict[tuple[str, str], Closest] = field(default_factory=dict[tuple[str, str], Closest])
+    fences: dict[str, Closest] = field(default_factory=dict[str, Closest])
+
+    def look(self, team: Mapping[str, Truth]) -> Closest | None:
+        """Watch one segment of everybody's truth; the first collision in it, if any."""
+        hits: list[Closest] = []
+        for truth in team.values():
+            hits += self._against_world(truth)
+            self._against_fence(truth)
+        for a, b in combinations(sorted(team), 2):
+            hits += self._against_another(team[a], team[b])
+        return min(hits, key=lambda hit: hit.t, default=None)
+
+    def _against_world(self, truth: Truth) -> list[Closest]:
+        hull, t = self.hulls[truth.robot], _moments(truth)
+        centre = _positions(truth, t) + np.array([0.0, 0.0, hull.height / 2])
+        seconds = np.asarray((t - self.start) * 1e-9, np.float64)
+        gap, what = self._gaps(hull, centre, seconds)
+        closest = [Closest(robot=truth.robot, what=what(k), distance=float(gap[k]), t=int(t[k])) for k in _telling(gap)]
+        for one in closest:
+            _keep(self.clearances, truth.robot, one)
+        return [one for one in closest if one.distance < 0.0][:1]
+
+    def _gaps(self, hull: Hull, centre: Floats, seconds: Floats) -> tuple[Floats, Callable[[int], str]]:
+        """(n,) distances of the hull's surface, exact to the gaps between its balls where something is near, and what
+        is nearest in a given row."""
+        ball = min(hull.radius, hull.height / 2)
+        gap = self.world.clearance(centre, seconds) - hypot(hull.radius, hull.height / 2)
+        near = np.flatnonzero(gap < NEAR)
+        if near.size:
+            points = centre[near, None] + hull.balls()[None]
+            m = points.shape[1]
+            around = self.world.clearance(points.reshape(-1, 3), np.repeat(seconds[near], m)).reshape(-1, m) - ball
+            gap[near] = around.min(axis=1)
+
+        def what(k: int) -> str:
+            if gap[k] >= NEAR:
+                return self.world.nearest(centre[k : k + 1], seconds[k : k + 1])[0]
+            places = centre[k] + hull.balls()
+            at = int(np.argmin(self.world.clearance(places, seconds[k])))
+            return self.world.nearest(places[at : at + 1], seconds[k : k + 1])[0]
+
+        return gap, what
+
+    def _against_another(self, a: Truth, b: Truth) -> list[Closest]:
+        one, two, t = self.hulls[a.robot], self.hulls[b.robot], _moments(a)
+        d = _positions(b, t) - _positions(a, t)
+        sideways = np.hypot(d[:, 0], d[:, 1]) - one.radius - two.radius
+        above = np.maximum(d[:, 2] - one.height, -d[:, 2] - two.height)
+        gap = np.where((sideways > 0) & (above > 0), np.hypot(sideways, above), np.maximum(sideways, above))
+        k = int(np.argmin(gap))
+        _keep(self.separations, (a.robot, b.robot), Closest(robot=a.robot, what=b.robot, distance=gap[k], t=int(t[k])))
+        touching = np.flatnonzero(gap < -1e-3)  # one may stand on the other
+        return [Closest(robot=a.robot, what=b.robot, distance=float(gap[k]), t=int(t[k])) for k in touching[:1]]
+
+    def _against_fence(self, truth: Truth) -> None:
+        if self.world.fence is None:
+            return
+        t = _moments(truth)
+        margin = self.world.fence.margin(_positions(truth, t))
+        k = int(np.argmin(margin))
+        _keep(self.fences, truth.robot, Closest(robot=truth.robot, what="fence", distance=margin[k], t=int(t[k])))
+
+
+def _telling(gap: Floats) -> list[int]:
+    """The rows worth naming: the closest, and the first collision."""
+    first = np.flatnonzero(gap < 0.0)[:1]
+    k = int(np.argmin(gap))
+    return [] if gap[k] == inf else [*first.tolist(), k]
+
+
+def _keep(kept: dict[K, Closest], key: K, new: Closest) -> None:
+    if key not in kept or new.distance < kept[key].distance:
+        kept[key] = new
+
+
+def _moments(truth: Truth) -> Ints:
+    """Stamps at which one looks: evenly spaced, the last row among them."""
+    every = max(1, round(1.0 / (LOOKS_HZ * truth.dt))) if len(truth) > 1 else 1
+    return truth.t[::-every][::-1]
+
+
+def _positions(truth: Truth, t: Ints) -> Floats:
+    """(n, 3) positions at stamps within the truth, linear between rows."""
+    return np.column_stack([np.interp(t - truth.t[0], truth.t - truth.t[0], truth.p[:, i]) for i in range(3)])
