@@ -65,6 +65,7 @@ def cast_grid(
     if dy != 0.0:
         by_row = 1 if dy > 0.0 else -1
         t_row, every_row = (south + (row + (dy > 0.0)) * resolution - oy) / dy, resolution / abs(dy)
+    per_col, per_row = abs(dx) / resolution, abs(dy) / resolution
     t = start
     while t <= end:
         n = int(free[row, col])
@@ -79,10 +80,10 @@ def cast_grid(
             out_col, out_row = t_col + (n - 1) * every_col, t_row + (n - 1) * every_row
             t = min(out_col, out_row)
             if t_col <= t:
-                n = int((t - t_col) / every_col) + 1
+                n = int((t - t_col) * per_col) + 1
                 t_col, col = t_col + n * every_col, col + n * by_col
             if t_row <= t:
-                n = int((t - t_row) / every_row) + 1
+                n = int((t - t_row) * per_row) + 1
                 t_row, row = t_row + n * every_row, row + n * by_row
         if col < 0 or col >= cols or row < 0 or row >= rows:
             return inf
