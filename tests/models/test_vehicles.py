@@ -20,9 +20,11 @@ from outrider.typing import Floats
 VEHICLES: dict[str, Callable[..., Any]] = {
     "mecanum": m.Mecanum,
     "differential": lambda **k: m.Differential(axle=0.2, **k),
+    "ackermann": lambda **k: m.Steered(rear=-0.3, **k),
+    "four-wheel": lambda **k: m.Steered(rear=-0.4, both_axles=True, **k),
     "multirotor": m.Multirotor,
 }
-GROUND = {"mecanum", "differential"}
+GROUND = {"mecanum", "differential", "ackermann", "four-wheel"}
 SLOPE = np.array([[0.08, -0.05, 0.0, 0.0, 0.0]])
 P, Q, V = slice(ROW_P, ROW_P + 3), slice(ROW_Q, ROW_Q + 4), slice(ROW_V, ROW_V + 3)
 W, F = slice(ROW_W, ROW_W + 3), slice(ROW_F, ROW_F + 3)

@@ -15,10 +15,11 @@ from outrider.models.vehicles.base import (
     first_row,
 )
 from outrider.models.vehicles.multirotor import AIR_INPUTS, Multirotor
-from outrider.models.vehicles.rolling import Drive
-from outrider.models.vehicles.wheeled import WHEEL_INPUTS, Differential, Mecanum
+from outrider.models.vehicles.rolling import WHEEL_INPUTS, Drive
+from outrider.models.vehicles.steered import Steered, Steering, axle_angle
+from outrider.models.vehicles.wheeled import Differential, Mecanum
 
 __all__ = [
     "AIR_INPUTS", "LEVEL", "ROW_F", "ROW_P", "ROW_Q", "ROW_SIZE", "ROW_V", "ROW_W", "WHEEL_INPUTS",
-    "Differential", "Drive", "Mecanum", "Multirotor", "Vehicle", "first_row",
+    "Differential", "Drive", "Mecanum", "Multirotor", "Steered", "Steering", "Vehicle", "axle_angle", "first_row",
 ]  # fmt: skip

@@ -21,6 +21,8 @@ X_YAW: Final = 3
 X_SLIP: Final = 4  # longitudinal and its rate, lateral and its rate
 X_OWN: Final = 8
 
+WHEEL_INPUTS: Final = ("v_x", "v_y", "w_z")
+
 Motion = tuple[float, float, float, float, float, float]  # u_x, u_y, w and their rates
 
 
@@ -46,6 +48,13 @@ class Drive:
 
 
 GEARED: Final = Drive()
+
+
+def start_on_wheels(width: int, p: Floats, yaw: float) -> Floats:
+    """A state of zeros but for the pose."""
+    x = np.zeros(width)
+    x[X_P : X_P + 3], x[X_YAW] = p, yaw
+    return x
 
 
 @kernel

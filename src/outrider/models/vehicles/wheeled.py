@@ -16,11 +16,20 @@ from outrider.models.vehicles.base import (
     require_slower,
     turn_over,
 )
-from outrider.models.vehicles.rolling import GEARED, X_OWN, X_P, X_YAW, Drive, Motion, ride, slip_step, slipping
+from outrider.models.vehicles.rolling import (
+    GEARED,
+    WHEEL_INPUTS,
+    X_OWN,
+    Drive,
+    Motion,
+    ride,
+    slip_step,
+    slipping,
+    start_on_wheels,
+)
 from outrider.models.wheels import WheelKinematics, mecanum_rectangle
 from outrider.typing import Floats
 
-WHEEL_INPUTS: Final = ("v_x", "v_y", "w_z")
 X_TWIST: Final = X_OWN
 X_RATE: Final = X_OWN + 3
 X_CURSOR: Final = X_OWN + 6
@@ -173,13 +182,6 @@ class Differential:
     def run(self, x: Floats, u: Floats, air: Floats, ground: Floats, out: Floats) -> None:
         """See `Vehicle`."""
         run_wheeled(x, u, ground, self._theta, self.inverse, out)
-
-
-def start_on_wheels(width: int, p: Floats, yaw: float) -> Floats:
-    """A state of zeros but for the pose."""
-    x = np.zeros(width)
-    x[X_P : X_P + 3], x[X_YAW] = p, yaw
-    return x
 
 
 def _theta_of(vehicle: Mecanum | Differential, *, omni: bool, axle: float = 0.0) -> Floats:
