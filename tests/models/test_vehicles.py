@@ -23,6 +23,8 @@ VEHICLES: dict[str, Callable[..., Any]] = {
     "ackermann": lambda **k: m.Steered(rear=-0.3, **k),
     "four-wheel": lambda **k: m.Steered(rear=-0.4, both_axles=True, **k),
     "multirotor": m.Multirotor,
+    "quadrotor": m.Rotorcraft,
+    "hexarotor": lambda **k: replace(m.Rotorcraft.hexarotor(), **k),
 }
 GROUND = {"mecanum", "differential", "ackermann", "four-wheel"}
 SLOPE = np.array([[0.08, -0.05, 0.0, 0.0, 0.0]])
@@ -163,9 +165,9 @@ def test_latency_shifts_the_answer_by_exactly_so_many_steps(name, delay):
     prompt, late = VEHICLES[name](), VEHICLES[name](latency_s=delay * 0.005)
     u = wander(prompt, 1.0, seed=2, size=3.0)
     u[0] = 0.5
-    now = moved(prompt, at_rest(name, prompt), u)[0]
-    then = moved(late, at_rest(name, late), u)[0]
-    rest = first_row(late, at_rest(name, late))
+    now = moved(prompt, at_rest(name, prompt, 0.0), u)[0]
+    then = moved(late, at_rest(name, late, 0.0), u)[0]
+    rest = first_row(late, at_rest(name, late, 0.0))
     assert then[delay:].tobytes() == now[:-delay].tobytes()
     assert (then[:delay] == rest).all()
     assert not (now[0] == rest).all()
@@ -201,5 +203,5 @@ def test_compiled_and_plain_agree(name, monkeypatch):
 @each
 def test_gravity_is_that_of_the_vehicle(name):
     vehicle = VEHICLES[name](gravity=9.7)
-    assert first_row(vehicle, at_rest(name, vehicle))[ROW_F + 2] == 9.7
+    assert first_row(vehicle, at_rest(name, vehicle))[ROW_F + 2] == pytest.approx(9.7, rel=1e-14)
     assert replace(vehicle, gravity=9.9).gravity == 9.9
