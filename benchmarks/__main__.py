@@ -33,7 +33,7 @@ def processor() -> str:
 
 def preamble(repetitions: int) -> list[str]:
     """Where and with what this was measured."""
-    packages = ["outrider", "numpy", "numba", "scipy", "filterpy", "stonesoup", "scikit-image"]
+    packages = ["outrider", "numpy", "numba", "scipy", "filterpy", "stonesoup", "scikit-image", "mujoco", "rotorpy"]
     return [
         f"{datetime.now(UTC):%Y-%m-%d}, {processor()}, {platform.system()} {platform.machine()}",
         f"Python {platform.python_version()}, " + ", ".join(f"{p} {_version(p)}" for p in packages),
