@@ -39,27 +39,24 @@ class Plot:
 
 def write_report(run: Run, path: Path, *, reference: Trajectory | None = None, command: str = "") -> None:
     """Write the self-contained HTML report of a run; `command` is what to type to get it again, if not the default."""
-    html = (
-        page_environment()
-        .get_template("report.html.j2")
-        .render(
-            run=run,
-            log_name=tables.log_name(run),
-            verdict=run.outcome.value,
-            tone=tables.tone(run.outcome),
-            facts=[tables.span(tables.duration(run)), tables.number(distance(run.fused.pose), "m")],
-            findings=tables.sorted_findings(run),
-            cards=tables.cards(run, reference),
-            colours={name: f"var({css_name(colour)})" for name, colour in run_colours(run).items()},
-            palette=[(css_name(light), light, dark) for light, dark in DARK.items()],
-            rows=tables.account_rows(run),
-            resets=tables.reset_rows(run),
-            config=tables.outline(run.config) if run.config else "",
-            versions=dict(run.versions) or {"outrider": __version__},
-            command=command or tables.command(run),
-            datum=_datum(run),
-            **_plots(run, reference),
-        )
+    template = page_environment().get_template("report.html.j2")
+    html = template.render(
+        run=run,
+        log_name=tables.log_name(run),
+        verdict=run.outcome.value,
+        tone=tables.tone(run.outcome),
+        facts=[tables.span(tables.duration(run)), tables.number(distance(run.fused.pose), "m")],
+        findings=tables.sorted_findings(run),
+        cards=tables.cards(run, reference),
+        colours={name: f"var({css_name(colour)})" for name, colour in run_colours(run).items()},
+        palette=[(css_name(light), light, dark) for light, dark in DARK.items()],
+        rows=tables.account_rows(run),
+        resets=tables.reset_rows(run),
+        config=tables.outline(run.config) if run.config else "",
+        versions=dict(run.versions) or {"outrider": __version__},
+        command=command or tables.command(run),
+        datum=_datum(run),
+        **_plots(run, reference),
     )
     path.write_text(html, encoding="utf-8")
 
