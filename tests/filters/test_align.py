@@ -4,13 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support import AT_ANTENNA, COMPILED, channel, drone, parts, queued, rover
+from support import AT_ANTENNA, COMPILED, batch, channel, drone, parts, queued, rover
 
 from outrider.core.rotations import quats_exp, quats_to_rpy
 from outrider.data import EventLog, Verdict
+from outrider.eval.consistency import average_test
 from outrider.filters.align import UNKNOWN_HEADING, Alignment, align, turn
+from outrider.filters.channels import Records
 from outrider.filters.engine import Filter, queue
-from outrider.models.motion import LaggedFollower, Motion
+from outrider.filters.step import ROWS
+from outrider.models.motion import LaggedFollower, Motion, PlanarRobot
 from outrider.models.sensors import GnssPosition, Heading, YawOfAttitude
 from outrider.sim import Attitude, BodyTwist, Gnss, Imu, Truth, drift, drive, drone_log, generator, sense
 from outrider.sim import Heading as HeadingSensor
@@ -58,6 +61,34 @@ def yaw_error(f: Filter, a: Alignment, log: EventLog, truth: Truth) -> tuple[flo
         yaw = float(quats_to_rpy(a.prior.x[f.layout.state("attitude")][None])[0, 2])
         sd = float(a.prior.std("attitude")[2])
     return float(np.angle(np.exp(1j * (yaw - true)))), sd
+
+
+# ------------------------------------------------------------------------------------------------ the first fix
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_the_first_fix_counts_once(count):
+    """After `count` fixes with white and slow errors the stated position and slow error are consistent over seeds."""
+    sigma, slow = 0.3, 2.0
+    theta = PlanarRobot(gnss_bias=slow).theta()
+    fix = channel("gnss", GnssPosition(), use=(0, 1))
+    f = Filter(motion=Motion.PLANAR, theta=theta, coasting=theta, channels=(fix,))
+    rng, position, bias = np.random.default_rng(5), f.layout.error("position"), f.layout.error("gnss_bias")
+    t, nees = 1_000_000 * np.arange(count), []
+    for _ in range(100):
+        truth, off = rng.normal(size=2) * 50.0, slow * rng.normal(size=2)
+        z, r = np.zeros((count, ROWS)), np.full((count, ROWS), np.inf)
+        z[:, :2], r[:, :2] = truth + off + sigma * rng.normal(size=(count, 2)), sigma**2
+        q = queue([Records(t, t, z, r, np.zeros(count, np.int64), np.arange(count))], 0, f.history)
+        a = align(f, q, {"velocity": 1e-3, "yaw_rate": 1e-3, "gnss_bias": slow})
+        assert a is not None
+        s, _ = batch(f, q, a.prior, t_start=a.t_start)
+        rows = [*range(position.start, position.stop), *range(bias.start, bias.stop)]
+        e = np.concatenate([s.x[:2] - truth, s.x[f.layout.state("gnss_bias")] - off])
+        nees.append(e @ np.linalg.solve(s.P[np.ix_(rows, rows)], e))
+    assert average_test(np.array(nees), 4).inside
+    np.testing.assert_allclose(s.P[0, 0], slow**2 + sigma**2 / count, rtol=1e-3)
+    np.testing.assert_allclose(s.P[0, bias.start], -(slow**2), rtol=1e-3)  # where the one is wrong, so is the other
 
 
 # ------------------------------------------------------------------------------------------------ heading from motion

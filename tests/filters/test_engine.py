@@ -26,7 +26,8 @@ from outrider.core.rotations import quats_to_rpy
 from outrider.data import EventLog, Verdict
 from outrider.errors import ConfigError, DataError
 from outrider.filters import step as one
-from outrider.filters.engine import Filter, OnlineFilter, queue
+from outrider.filters.channels import Records
+from outrider.filters.engine import Filter, OnlineFilter, Queue, queue
 from outrider.filters.step import C_EVENTS, C_NOW, OUT_DOF, OUT_NIS, OUT_VERDICT, ROWS
 from outrider.models.motion import LAYOUTS, LaggedFollower, Motion, OmnidirectionalBody
 from outrider.models.sensors import GnssPosition, Position
@@ -144,8 +145,6 @@ def test_a_record_exactly_as_old_as_the_history_is_not_late():
 
 def parts_of(f: Filter, t, z):
     """Records of the only channel of `follower`."""
-    from outrider.filters.channels import Records
-
     n = len(t)
     full = np.zeros((n, ROWS))
     full[:, :3] = z
@@ -169,16 +168,21 @@ def test_events_of_one_instant_at_the_edge_of_the_history():
     assert same(filter_.state, whole)
 
 
+def crossing(log: EventLog, name: str) -> EventLog:
+    """Of all streams only this one has its records on the stamps of the IMU's."""
+    return scattered(log).with_streams(log.streams[name])
+
+
 @pytest.mark.parametrize("ns", [1000, -1000])
-def test_a_microsecond_moves_the_position_by_microseconds(case, ns):
+@pytest.mark.parametrize("crossed", [True, False])
+def test_a_microsecond_moves_the_position_by_microseconds(case, ns, crossed):
+    """Also where records cross the IMU's, which drives the drone."""
     f, log, truth = case
-    log = scattered(log)
-    bound = 1e-5 * np.linalg.norm(truth.v, axis=1).max()
-    if bound < 1e-6:
-        pytest.skip("the law is about a moving robot: this log ends before take-off")
-    before, _ = batch(f, queued(f, log), t_start=-0.1)
+    bound = 1e-5 * max(np.linalg.norm(truth.v, axis=1).max(), 0.1)
     for name in sorted({c.stream for c in f.channels}):
-        q = queue(parts(f, shifted(log, name, ns)), log.span[0], f.history)
+        arranged = crossing(log, name) if crossed else scattered(log)
+        before, _ = batch(f, queued(f, arranged), t_start=-0.1)
+        q = queue(parts(f, shifted(arranged, name, ns)), log.span[0], f.history)
         after, _ = batch(f, q, t_start=-0.1)
         assert np.abs(after.x - before.x).max() > 0.0
         assert np.linalg.norm(after.x[:2] - before.x[:2]) <= bound, name
@@ -191,6 +195,63 @@ def test_a_millisecond_would_be_noticed(case):
     q = queue(parts(f, shifted(log, "gnss", 20_000_000)), log.span[0], f.history)
     after, _ = batch(f, q, t_start=-0.1)
     assert np.linalg.norm(after.x[:2] - before.x[:2]) > 1e-5 * np.linalg.norm(truth.v, axis=1).max()
+
+
+# ------------------------------------------------------------------------------------------------ the input
+
+
+def ramp(between: float | None = None) -> tuple[Filter, Queue]:
+    """A drone that is pushed ever harder while it turns ever faster; a record without content falls between."""
+    f = drone()
+    t = np.arange(0, 1_000_000_001, 100_000_000, np.int64)
+    u = np.outer(t * 1e-9, [0.5, -0.3, 2.0, 3.0, 2.0, 1.0]) + np.array([0, 0, 0, 0, 0, 9.806])
+    imu = Records(t, t, np.pad(u, ((0, 0), (0, ROWS - 6))), np.ones((t.size, ROWS)), *np.zeros((2, t.size), np.int64))
+    at = np.array([] if between is None else [round(between * 1e9)], np.int64)
+    mute = Records(
+        at, at, np.zeros((at.size, ROWS)), np.full((at.size, ROWS), np.inf), *np.zeros((2, at.size), np.int64)
+    )
+    none = Records(t[:0], t[:0], np.zeros((0, ROWS)), np.zeros((0, ROWS)), t[:0], t[:0])
+    return f, queue([imu, none, none, mute], 0, f.history)
+
+
+def test_the_input_runs_straight_from_record_to_record():
+    """An acceleration that grows by a(t) = k t gives v = k t^2 / 2, wherever else an event falls."""
+    f, q = ramp()
+    whole, _ = batch(f, q)
+    for between, atol in ((0.4, 1e-12), (0.4000001, 1e-6), (0.3999999, 1e-6), (0.43, 5e-4), (0.45, 5e-4)):
+        cut, _ = batch(*ramp(between))
+        np.testing.assert_allclose(cut.x, whole.x, atol=atol)  # the attitude turns in two steps instead of one
+    still = replace(q, parts=tuple(replace(p, z=p.z * np.array([0, 0, 0, 1, 1, 1, 0, 0])) for p in q.parts))
+    v = batch(f, still)[0].x[f.layout.state("velocity")]
+    np.testing.assert_allclose(v, [1.5, 1.0, 0.5], atol=1e-9)
+
+
+def test_what_lies_between_two_inputs_is_replayed_when_the_second_arrives():
+    """Online the first is held until then; afterwards every state is that of the batch driver, to the bit."""
+    f, (log, _) = drone(), drone_log(3, SECONDS, rate_hz=RATE)
+    q = queued(f, scattered(log))
+    s, sink = batch(f, q, period=1e-9)
+    track, filter_ = sink.tracked(), OnlineFilter(f, start(f), 0.0)
+    for i in range(len(q)):
+        feed(filter_, q, i)
+        if f.channels[q.src[i]].sensor is None:
+            assert filter_.state.x.tobytes() == track.x[np.searchsorted(track.t, filter_.time)].tobytes()
+    assert filter_.rewinds == 0
+    assert same(filter_.state, s)
+
+
+def test_a_bad_input_is_not_looked_forward_to():
+    """A record that will be refused does not bend the line; nor does one behind a long gap."""
+    f, q = ramp(0.47)
+    imu = q.parts[0]
+    bad = replace(imu, z=np.where((imu.t == 500_000_000)[:, None], 1e9, imu.z))
+    gone = replace(imu, flag=np.where(imu.t == 500_000_000, int(Verdict.FROZEN), 0))
+    refused, absent = (batch(f, queue([p, *q.parts[1:]], 0, f.history)) for p in (bad, gone))
+    assert same(refused[0]._replace(clock=absent[0].clock), absent[0])
+    assert Verdict.IMPLAUSIBLE in refused[1].outcomes()[:, OUT_VERDICT]
+    late = replace(imu, flag=np.where((imu.t > 0) & (imu.t < 1_000_000_000), int(Verdict.FROZEN), 0))
+    held = batch(f, queue([late, *q.parts[1:]], 0, f.history), last=2)[0]
+    assert held.u.tobytes() == imu.z[0, :6].tobytes()
 
 
 # ------------------------------------------------------------------------------------------------ pieces and outputs

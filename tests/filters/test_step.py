@@ -107,7 +107,7 @@ def test_turning_many_radians_a_step_is_followed(make):
     if "rate" in f.layout:
         x[f.layout.state("rate")] = u[:3]
     s = one.state(x, 1e-6 * np.eye(f.layout.error_size), 0.0, len(f.channels))
-    s.u[:], s.clock[C_INPUT] = u, 0.0
+    s.u[:], s.fed[0], s.clock[C_INPUT] = u, u, 0.0
     a = f.layout.error("attitude")
     before = np.trace(s.P[a, a])
     one.predict(f.model(), s, 0.4, one.scratch(f.layout.size, f.layout.error_size))

@@ -19,7 +19,6 @@ from outrider.filters.engine import Events, Filter, Queue, Track, run_batch
 from outrider.filters.step import OUT_DOF, OUT_NIS, OUT_S, ROWS
 from outrider.models.motion import Motion
 from outrider.models.sensors import Sensor
-from outrider.models.sensors.layout import LEVER, MOUNT
 from outrider.typing import Bools, Floats
 
 ABSOLUTE: Final = frozenset({Sensor.GNSS_POSITION, Sensor.POSITION, Sensor.POSE, Sensor.RANGE, Sensor.RANGE_BEARING})
@@ -38,6 +37,7 @@ HOPELESS: Final = 60.0  # log-likelihood behind the best at which a hypothesis i
 CLIP: Final = 25.0  # NIS per degree of freedom at which one record's vote stops growing
 WINDOW: Final = 1.0  # s of inertial data for levelling
 MOST_BIAS: Final = 0.1  # rad/s: a gyro that says more is turning
+ANYWHERE: Final = 1000.0  # m: standard deviation of the position before the first fix
 UNKNOWN_HEADING: Final = 1.8  # rad: uniform over the circle
 
 
@@ -82,7 +82,11 @@ def align(f: Filter, q: Queue, spread: Mapping[str, float]) -> Alignment | None:
 
 
 def first_position(f: Filter, q: Queue) -> tuple[float, Floats, Floats, str] | None:
-    """Time, position and variance of the first usable fix; its lever arm widens it, for no heading is known yet."""
+    """Time and position of the first usable fix, with the variance of knowing nothing.
+
+    The fix is fused as well: it alone then says how far it can be wrong, and how that goes with its slow error and with
+    a heading that is not known yet.
+    """
     found: list[tuple[float, Floats, Floats, str]] = []
     for channel, part in zip(f.channels, q.parts, strict=True):
         if channel.sensor not in (Sensor.GNSS_POSITION, Sensor.POSITION, Sensor.POSE) or channel.scored:
@@ -90,10 +94,9 @@ def first_position(f: Filter, q: Queue) -> tuple[float, Floats, Floats, str] | N
         good = np.flatnonzero(part.flag == Verdict.USED)
         if good.size:
             i = int(good[np.argmin(part.t[good])])
-            r = np.where(np.isfinite(part.r[i, :3]), part.r[i, :3], 1e4)
             z = np.where(np.isfinite(part.z[i, :3]), part.z[i, :3], 0.0)
-            r = r + 0.01 + float(channel.theta[LEVER:MOUNT] @ channel.theta[LEVER:MOUNT])
-            found.append((float(part.t[i] - q.t0) * 1e-9, z, r, f"position from the first record of {channel.name}"))
+            wide = np.full(3, ANYWHERE**2)
+            found.append((float(part.t[i] - q.t0) * 1e-9, z, wide, f"position from the first record of {channel.name}"))
     return min(found, key=lambda e: e[0]) if found else None
 
 

@@ -3,10 +3,13 @@
 `run_batch` takes a whole log through a compiled loop, in pieces, so that its memory does not grow with the log.
 `OnlineFilter` takes one event at a time in any order of arrival: an event from the past is put in its place by going
 back to the snapshot before it and replaying. Both end in the same bits.
+
+Between two records of the input (the IMU of a strapdown filter) it runs on the straight line. The batch driver looks
+ahead for the second one; the online driver holds the first until the second is there, then replays what lay between.
 """
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, NamedTuple, final
 
@@ -17,17 +20,30 @@ from outrider.core.linalg import copy
 from outrider.data import Gaussian, StateLayout, Verdict
 from outrider.errors import ConfigError
 from outrider.filters import step as one
-from outrider.filters.channels import Channel, Records
+from outrider.filters.channels import Channel
 from outrider.filters.health import gates
-from outrider.filters.step import C_NOW, OUT_SIZE, ROWS, Model, Scratch, Sources, State, step
+from outrider.filters.queue import Events, Queue, is_input, queue
+from outrider.filters.step import (
+    C_NOW,
+    INPUT_SENSOR,
+    OUT_SIZE,
+    ROWS,
+    Model,
+    Scratch,
+    Sources,
+    State,
+    announce,
+    plausible,
+    step,
+)
 from outrider.models.kinematics import K_P, K_V, T_P, T_TH, T_V
 from outrider.models.motion import LAYOUTS, Motion, kinematic_view
 from outrider.models.sensors.layout import THETA_SIZE
-from outrider.typing import Floats, Ints
+from outrider.typing import Floats
 
 PIECE: Final = 65_536  # events per call of the compiled loop
 POSE_SIZE: Final = 9  # position, velocity, attitude rows of the pose covariance
-_LATE: Final = int(Verdict.LATE)
+_LATE, _WITHHELD = int(Verdict.LATE), int(Verdict.WITHHELD)
 
 # Limits that every process model shares, see `Model.limits`.
 LONGEST_STEP: Final = 0.1  # s
@@ -75,16 +91,6 @@ class Filter:
         )
 
 
-class Events(NamedTuple):
-    """Events in time order: t (n,) s, src (n,) channel, z, r (n, ROWS), flag (n,) verdict so far."""
-
-    t: Floats
-    src: Ints
-    z: Floats
-    r: Floats
-    flag: Ints
-
-
 class Track(NamedTuple):
     """Estimates of one piece: t (n,) s, x (n, size), sd (n, errors), P (n, 9, 9) of position, velocity, attitude, k."""
 
@@ -93,62 +99,6 @@ class Track(NamedTuple):
     sd: Floats
     P: Floats
     age: Floats  # (n, errors) s since each row was last observed
-
-
-@final
-@dataclass(frozen=True, slots=True)
-class Queue:
-    """Events over all channels in order: t (n,) ns, src (n,), index (n,) into that channel's records, late (n,)."""
-
-    t: Ints
-    src: Ints
-    index: Ints
-    late: Ints
-    parts: tuple[Records, ...]
-    t0: int
-
-    def __len__(self) -> int:
-        return int(self.src.size)
-
-    def whole_instants(self, last: int, stop: int) -> int:
-        """The least end >= last, at most `stop`, that parts no events of equal time."""
-        while 0 < last < stop and self.t[last] == self.t[last - 1]:
-            last += 1
-        return last
-
-    def events(self, first: int, last: int) -> Events:
-        """Events first..last as arrays."""
-        src, index = self.src[first:last], self.index[first:last]
-        t, flag = np.zeros(src.size), np.zeros(src.size, np.int64)
-        z, r = np.zeros((src.size, ROWS)), np.zeros((src.size, ROWS))
-        for c, part in enumerate(self.parts):
-            here = src == c
-            rows = index[here]
-            t[here] = (part.t[rows] - self.t0) * 1e-9
-            z[here], r[here], flag[here] = part.z[rows], part.r[rows], part.flag[rows]
-        late = self.late[first:last] > 0
-        flag[late & ((flag == Verdict.USED) | (flag == Verdict.WITHHELD))] = _LATE
-        return Events(t, src, z, r, flag)
-
-
-def queue(parts: Sequence[Records], t0: int, history: float) -> Queue:
-    """Put the records of all channels in time order; those that arrive after their history is gone are late.
-
-    Ties are broken by channel, then by the order within the stream, never by arrival: any arrival order inside the
-    history gives the same events.
-    """
-    src = np.concatenate([np.full(p.t.size, c, np.int64) for c, p in enumerate(parts)])
-    index = np.concatenate([np.arange(p.t.size, dtype=np.int64) for p in parts])
-    t = np.concatenate([p.t for p in parts])
-    arrival = np.concatenate([p.t_arrival for p in parts])
-    usable = np.concatenate([p.flag for p in parts]) <= int(Verdict.WITHHELD)
-    by_arrival = np.lexsort((index, src, t, arrival))
-    seconds = (t[by_arrival] - t0) * 1e-9  # as `OnlineFilter` is told, so that both draw the line at the same bit
-    newest = np.maximum.accumulate(np.where(usable[by_arrival], seconds, -np.inf))
-    late = np.zeros(t.size, np.int64)
-    late[by_arrival] = seconds < newest - history
-    order = np.lexsort((index, src, t))
-    return Queue(t[order], src[order], index[order], late[order], tuple(parts), t0)
 
 
 @kernel
@@ -163,12 +113,19 @@ def run_events(
     due: Floats,
     track: Track,
 ) -> int:
-    """Process events in order; write a row of `track` whenever an output is due. Returns the rows written.
+    """Process as many events as `out` has rows; write to `track` whenever an output is due. Returns the rows written.
 
-    An output is due when all events of one instant are done and the last output is `period` old.
+    An output is due when all events of one instant are done and the last output is `period` old. Events beyond `out`
+    are looked at for the next record of the input.
     """
-    rows, n = 0, ev.t.size
+    rows, n, ahead = 0, out.shape[0], 0
     for i in range(n):
+        if sources.code[ev.src[i]] != INPUT_SENSOR:
+            while ahead < ev.t.size and (
+                ahead < i or sources.code[ev.src[ahead]] != INPUT_SENSOR or not is_input(ev, ahead)
+            ):
+                ahead += 1
+            announce(s, ev.t[ahead] if ahead < ev.t.size else -np.inf, ev.z[min(ahead, ev.t.size - 1)])
         step(model, sources, s, ev.t[i], ev.src[i], ev.z[i], ev.r[i], ev.flag[i], ws, out[i])
         now = s.clock[C_NOW]
         if now >= due[0] and (i + 1 == n or ev.t[i + 1] > now):
@@ -233,6 +190,7 @@ def run_batch(
     sink : called per piece with (index of its first event, events, their outcomes (n, OUT_SIZE), estimates)
     """
     model, sources = f.model(), f.sources()
+    inputs = np.flatnonzero(sources.code == INPUT_SENSOR)
     s = one.state(prior.x, prior.P, t_start, len(f.channels))
     ws = one.scratch(f.layout.size, f.layout.error_size)
     due = np.array([t_start])
@@ -240,11 +198,11 @@ def run_batch(
     end = 0
     while end < stop:
         first, end = end, q.whole_instants(min(end + piece, stop), stop)
-        ev = q.events(first, end)
-        out = np.zeros((ev.t.size, OUT_SIZE))
-        track = new_track(ev.t.size, f.layout)
+        ev = q.events(first, q.through_next_input(end, stop, inputs))
+        out = np.zeros((end - first, OUT_SIZE))
+        track = new_track(end - first, f.layout)
         rows = run_events(model, sources, s, ev, ws, out, period, due, track)
-        sink(first, ev, out, Track(*(a[:rows] for a in track)))
+        sink(first, ev.until(end - first), out, Track(*(a[:rows] for a in track)))
     return s
 
 
@@ -259,6 +217,7 @@ class _Past:
     flag: int
     after: State
     out: Floats
+    drives: bool  # a record of the input that will be used
 
 
 def _row(values: Floats, filler: float) -> Floats:
@@ -270,7 +229,11 @@ def _row(values: Floats, filler: float) -> Floats:
 
 @final
 class OnlineFilter:
-    """The filter for live data: events one at a time, late ones put in their place while their history is kept."""
+    """The filter for live data: events one at a time, late ones put in their place while their history is kept.
+
+    What lies between two records of the input is replayed when the second arrives: outcomes handed out before are those
+    of the first one held.
+    """
 
     def __init__(self, f: Filter, prior: Gaussian, t_start: float) -> None:
         self.filter = f
@@ -296,20 +259,38 @@ class OnlineFilter:
                 self.late += 1
                 flag = _LATE
             self._newest = max(self._newest, t)
-        event = _Past((t, src, order), _row(z, 0.0), _row(r, np.inf), flag, self.state, np.zeros(OUT_SIZE))
-        at = bisect_right(self._past, event.key, key=lambda p: p.key)
-        if flag > int(Verdict.WITHHELD) or at == len(self._past):
+        z = _row(z, 0.0)
+        drives = self._sources.code[src] == INPUT_SENSOR and flag <= _WITHHELD and bool(plausible(z))
+        event = _Past((t, src, order), z, _row(r, np.inf), flag, self.state, np.zeros(OUT_SIZE), drives)
+        if flag > _WITHHELD:
             self._apply(event)
-            if flag <= int(Verdict.WITHHELD):
-                self._past.append(event)
-        else:
-            self.rewinds += 1
-            one.restore(self.state, self._past[at - 1].after if at else self._base)
-            self._past.insert(at, event)
-            for p in self._past[at:]:
-                self._apply(p)
+            return event.out
+        at = bisect_right(self._past, event.key, key=lambda p: p.key)
+        self.rewinds += at < len(self._past)
+        self._past.insert(at, event)
+        self._replay(self._since_input(at, t) if drives else at)
         self._forget()
         return event.out
+
+    def _since_input(self, at: int, t: float) -> int:
+        """Index of the first event before `at` that a record of the input at time t casts a new light on."""
+        for i in range(at - 1, -1, -1):
+            if self._past[i].drives or t - self._past[i].key[0] > INPUT_HOLD:
+                return i + 1
+        return 0
+
+    def _replay(self, first: int) -> None:
+        """Process the past from an index on, each event with the next record of the input announced."""
+        if first < len(self._past) - 1:
+            one.restore(self.state, self._past[first - 1].after if first else self._base)
+        ahead = [-1] * (len(self._past) + 1)
+        for i in range(len(self._past) - 1, first - 1, -1):
+            ahead[i] = i if self._past[i].drives else ahead[i + 1]
+        for i in range(first, len(self._past)):
+            following = self._past[ahead[i]]
+            if self._sources.code[self._past[i].key[1]] != INPUT_SENSOR:
+                announce(self.state, following.key[0] if ahead[i] >= 0 else -np.inf, following.z)
+            self._apply(self._past[i])
 
     def correct(self, y: Floats, H: Floats, R: Floats) -> float:
         """Fuse a measurement of the user's own making now; returns its NIS. Not replayed when the past changes."""
@@ -337,6 +318,8 @@ class OnlineFilter:
     def _forget(self) -> None:
         horizon = self._newest - self.filter.history
         drop = bisect_left(self._past, horizon, key=lambda p: p.key[0])
+        if INPUT_SENSOR in self._sources.code:  # what a record of the input at the horizon would need
+            drop = self._since_input(drop, horizon)
         if drop:
             self._base = self._past[drop - 1].after
             del self._past[:drop]

@@ -4,22 +4,26 @@ Both drivers call `step`: the online one with one event at a time, the batch one
 event can change is in `State`, so a copy of it is a snapshot.
 """
 
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
 from outrider._kernel import kernel
 from outrider.core.linalg import all_finite, chain, copy
 from outrider.data import Verdict
-from outrider.filters.ekf import Work, correct, innovate, workspace
+from outrider.filters.ekf import correct, innovate
 from outrider.filters.ekf import propagate as propagate_covariance
-from outrider.filters.health import H_BAD, H_LAST, H_LAST_GOOD, H_SINCE, H_SIZE, H_STATE, H_Y, forgive, judge
-from outrider.models.kinematics import K_SIZE, T_SIZE
+from outrider.filters.health import H_BAD, H_LAST, H_LAST_GOOD, H_SINCE, H_STATE, H_Y, forgive, judge
+from outrider.filters.state import C_EVENTS, C_INPUT, C_NEXT, C_NOW, C_RESETS, ROWS, Model, Scratch, Sources, State
+from outrider.filters.state import restore as restore
+from outrider.filters.state import scratch as scratch
+from outrider.filters.state import snapshot as snapshot
+from outrider.filters.state import state as state
+from outrider.models.kinematics import T_SIZE
 from outrider.models.motion import kinematic_view, propagate
 from outrider.models.sensors.dispatch import evaluate
-from outrider.typing import Floats, Ints
+from outrider.typing import Floats
 
-ROWS: Final = 8  # most rows in one measurement
 OUT_VERDICT, OUT_NIS, OUT_DOF, OUT_Y, OUT_S = 0, 1, 2, 3, 3 + ROWS
 OUT_STATE: Final = 3 + 2 * ROWS  # SensorState of the source after the event
 OUT_SIZE: Final = OUT_STATE + 1
@@ -39,98 +43,6 @@ _INPUT, _RESET, _NOT_OBSERVING, _NOT_ALIGNED, _IMPLAUSIBLE, _DIVERGED = (
 )
 _FAULTED = 3  # SensorState
 
-# clock columns of State
-C_NOW, C_INPUT, C_EVENTS, C_RESETS, C_MOVED = 0, 1, 2, 3, 4
-C_SIZE: Final = 8
-
-
-class State(NamedTuple):
-    """Everything that events change."""
-
-    x: Floats  # (layout.size,)
-    P: Floats  # (n, n)
-    u: Floats  # (6,) the last input
-    clock: Floats  # (C_SIZE,) time of the estimate [s], of the last input [s], counts
-    health: Floats  # (sources, H_SIZE)
-    age: Floats  # (n,) s: when a direct measurement last corrected each error row, for the validity flags
-
-
-class Model(NamedTuple):
-    """A process model, as the kernels see it."""
-
-    code: int
-    theta: Floats
-    coasting: Floats  # theta while the input is missing
-    table: Ints  # block table of the layout
-    limits: Floats  # longest step [s], input hold [s], reset: time [s], records, speed bound [m/s], margin [m]
-    keep: Floats  # (n,) 1 estimated, 0 considered
-
-
-class Sources(NamedTuple):
-    """What the kernels need to know of every source; row = source."""
-
-    code: Ints  # Sensor, or INPUT_SENSOR
-    theta: Floats  # (sources, THETA_SIZE)
-    gate: Floats  # (sources, ROWS + 1) threshold by degrees of freedom
-    reset: Ints  # (sources, 2) first error row a reset may move, and how many; 0 rows: never
-
-
-class Scratch(NamedTuple):
-    """Work arrays of one filter."""
-
-    F: Floats
-    Q: Floats
-    k: Floats
-    K: Floats
-    y: Floats
-    D: Floats
-    H: Floats
-    r: Floats
-    row: Ints  # which of its sensor's rows each row in use is
-    w: Work
-    x_before: Floats
-    P_before: Floats
-    u_before: Floats
-
-
-def scratch(size: int, n: int) -> Scratch:
-    """Work arrays for a state of `size` numbers and n error states."""
-    return Scratch(
-        F=np.eye(n),
-        Q=np.zeros((n, n)),
-        k=np.zeros(K_SIZE),
-        K=np.zeros((T_SIZE, n)),
-        y=np.zeros(ROWS + 1),
-        D=np.zeros((ROWS + 1, T_SIZE)),
-        H=np.zeros((ROWS + 1, n)),
-        r=np.zeros(ROWS + 1),
-        row=np.zeros(ROWS + 1, np.int64),
-        w=workspace(n, ROWS + 1),
-        x_before=np.zeros(size),
-        P_before=np.zeros((n, n)),
-        u_before=np.zeros(6),
-    )
-
-
-def state(x: Floats, P: Floats, t: float, sources: int) -> State:
-    """A state at time t [s] with no history."""
-    health = np.zeros((sources, H_SIZE))
-    health[:, H_LAST_GOOD] = health[:, H_LAST] = t
-    clock = np.zeros(C_SIZE)
-    clock[C_NOW], clock[C_INPUT] = t, -np.inf
-    return State(x.copy(), P.copy(), np.zeros(6), clock, health, np.full(P.shape[0], -np.inf))
-
-
-def snapshot(s: State) -> State:
-    """A copy that later events do not change."""
-    return State(*(a.copy() for a in s))
-
-
-def restore(s: State, saved: State) -> None:
-    """Bring a state back to a snapshot, in place."""
-    for a, b in zip(s, saved, strict=True):
-        a[...] = b
-
 
 @kernel
 def predict(model: Model, s: State, t: float, ws: Scratch) -> None:
@@ -141,13 +53,49 @@ def predict(model: Model, s: State, t: float, ws: Scratch) -> None:
         last = dt <= longest
         if not last:
             dt = longest
-        if model.code == 1 and s.clock[C_NOW] - s.clock[C_INPUT] > model.limits[1]:
+        if blind(model, s):
             coast(model, s, ws)
             propagate(model.code, s.x, dt, s.u, model.coasting, ws.F, ws.Q)
         else:
+            tune(model, s, s.clock[C_NOW] + 0.5 * dt)  # the mean of a straight line is its middle
             propagate(model.code, s.x, dt, s.u, model.theta, ws.F, ws.Q)
         propagate_covariance(s.P, ws.F, ws.Q, ws.w)
         s.clock[C_NOW] = t if last else s.clock[C_NOW] + dt
+    if not blind(model, s):
+        tune(model, s, s.clock[C_NOW])
+
+
+@kernel
+def blind(model: Model, s: State) -> bool:
+    """Whether a model that needs the input has none: the last record is too old, or the first too far ahead."""
+    now, first = s.clock[C_NOW], s.clock[C_INPUT] == -np.inf
+    near = 0.0 <= s.clock[C_NEXT] - now <= model.limits[1] if first else now - s.clock[C_INPUT] <= model.limits[1]
+    return model.code == 1 and not near
+
+
+@kernel
+def tune(model: Model, s: State, t: float) -> None:
+    """s.u <- the input at time t: on the straight line from the last record to the next, or as the only one known.
+
+    A line has no jumps: where between two records an update falls, or on which side of one, makes no difference.
+    """
+    start, end = s.clock[C_INPUT], s.clock[C_NEXT]
+    if start == -np.inf:
+        if end == -np.inf:
+            return
+        part = 1.0
+    else:
+        part = min((t - start) / (end - start), 1.0) if 0.0 < end - start <= model.limits[1] else 0.0
+    for i in range(6):
+        s.u[i] = s.fed[0, i] + part * (s.fed[1, i] - s.fed[0, i])
+
+
+@kernel
+def announce(s: State, t: float, z: Floats) -> None:
+    """Tell the next record of the input before its time; t = -inf: none is known."""
+    s.clock[C_NEXT] = t
+    for i in range(6):
+        s.fed[1, i] = z[i] if t > -np.inf else 0.0
 
 
 @kernel
@@ -161,15 +109,13 @@ def coast(model: Model, s: State, ws: Scratch) -> None:
 
 @kernel
 def feed(model: Model, s: State, t: float, z: Floats, ws: Scratch) -> None:
-    """A record of the input: the interval since the last one is crossed with the mean of the two."""
-    fresh = s.clock[C_NOW] - s.clock[C_INPUT] <= model.limits[1]
-    if fresh:
-        for i in range(6):
-            s.u[i] = 0.5 * (s.u[i] + z[i])
+    """A record of the input: the interval since the last one is crossed on the line between the two."""
+    announce(s, t, z)
     predict(model, s, t, ws)
     for i in range(6):
-        s.u[i] = z[i]
+        s.u[i] = s.fed[0, i] = z[i]
     s.clock[C_INPUT] = t
+    announce(s, -np.inf, z)
 
 
 @kernel
@@ -264,18 +210,28 @@ def step(
 @kernel
 def drive(model: Model, s: State, src: int, t: float, z: Floats, ws: Scratch) -> int:
     """A record of the input through `feed`, unless it would spoil the estimate: then it is as if it had not come."""
-    for i in range(6):
-        if not abs(z[i]) <= MOST_INPUT:
-            return _IMPLAUSIBLE
+    if not plausible(z):
+        return _IMPLAUSIBLE
     now, last = s.clock[C_NOW], s.clock[C_INPUT]
+    copy(s.fed[0], ws.u_last)
     feed(model, s, t, z, ws)
     if not healthy(s):
         undo(s, ws)
+        copy(ws.u_last, s.fed[0])
         s.clock[C_NOW], s.clock[C_INPUT] = now, last
         return _DIVERGED
     s.health[src, H_LAST] = s.health[src, H_LAST_GOOD] = t
     s.health[src, H_STATE] = 1.0
     return _INPUT
+
+
+@kernel
+def plausible(z: Floats) -> bool:
+    """Whether a record of the input is one that a vehicle can feel."""
+    for i in range(6):  # noqa: SIM110 - kernels know no generators
+        if not abs(z[i]) <= MOST_INPUT:
+            return False
+    return True
 
 
 @kernel
