@@ -53,6 +53,7 @@ def error(s, truth: Truth) -> Floats:
     return geodetic_to_enu(*s.z.T, site.lat, site.lon, site.alt) - truth.at(s.t).p
 
 
+@pytest.mark.compiled
 def test_the_allan_deviation_of_an_imu_has_its_floor_at_the_bias_instability() -> None:
     imu = Imu(rate_hz=20.0, gyro_density=1e-9, accel_density=1e-9, gyro_instability=1e-4, instability_tau_s=5.0)
     z = sampled(imu, resting(20_000.0, 20.0), rng()).z[:, :3]

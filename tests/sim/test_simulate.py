@@ -12,6 +12,7 @@ from rovers import GNSS, navigator, rover
 from outrider.data import Stream
 from outrider.data.agents import Action, Message
 from outrider.errors import ConfigError
+from outrider.models.vehicles import Mecanum
 from outrider.sim.engine import Ending, simulate
 from outrider.sim.radio import Radio
 from outrider.sim.truth import EPOCH
@@ -119,6 +120,7 @@ def test_another_robot_changes_nothing_of_the_first() -> None:
             assert not np.array_equal(both.log.streams[f"b/{name}"].z, s.z)
 
 
+@pytest.mark.compiled
 def test_two_processes_give_the_same_bytes() -> None:
     script = (
         "import sys; sys.path.insert(0, sys.argv[1]); from rovers import rover, navigator; import numpy as np;"
@@ -140,6 +142,7 @@ def test_two_processes_give_the_same_bytes() -> None:
         ("multiple of", lambda: [rover(agent=Puppet(np.zeros(3), period_s=0.0123))]),
         ("commands", lambda: [rover(agent=Puppet(np.array([np.nan, 0.0, 0.0])))]),
         ("commands", lambda: [rover(agent=Puppet(np.zeros(2)))]),
+        ("one gravity", lambda: [rover(agent=STRAIGHT, vehicle=Mecanum(gravity=1.62))]),
         ("two sensors", lambda: [rover(agent=STRAIGHT, sensors=(GNSS, GNSS))]),
     ],
 )

@@ -32,6 +32,9 @@ class Course:
         self.truth = drift(truth, generator(seed, robot.name, "drift"), robot.drift)
 
     def _laid_out(self, world: World, robot: Robot, vehicle: Vehicle, end: int, seed: int) -> Truth:
+        if abs(vehicle.gravity - world.gravity) > 1e-9:
+            fix = f"give both one gravity: {world.gravity} m/s^2 in {world.name}"
+            raise ConfigError(f"a vehicle for {vehicle.gravity} m/s^2", where=f"robot {robot.name}", fix=fix)
         step = round(vehicle.step_s * 1e9)
         n = (end - self._start) // step
         self._ground = world.ground.table()
