@@ -32,7 +32,7 @@ def ekf_event(x, P, z, F, Q, H, r, keep, table, y, w):
     for k in range(z.size):
         y[k] = z[k] - x[k]
     nis = ekf.innovate(P, H, r, y, z.size, w)
-    ekf.correct(x, P, H, r, z.size, keep, table, w)
+    ekf.correct(x, P, keep, table, w)
     return nis
 
 

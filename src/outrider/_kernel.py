@@ -53,7 +53,7 @@ def is_warm() -> bool:
     return not enabled() or any(Path(numba.config.CACHE_DIR).rglob("*.nbc"))  # type: ignore[attr-defined]
 
 
-def _compile(function: Callable[..., object], *, callable_from_python: bool) -> Any:
+def _compile(function: Callable[..., object], *, callable_from_python: bool, inline: bool = False) -> Any:
     """numba's dispatcher. The two kinds differ by a flag that numba's cache does not look at: two folders."""
     kept = numba.config.CACHE_DIR  # type: ignore[attr-defined]
     root = Path(kept) if kept else cache_directory()
@@ -68,6 +68,7 @@ def _compile(function: Callable[..., object], *, callable_from_python: bool) -> 
             no_cfunc_wrapper=True,
             no_cpython_wrapper=not callable_from_python,
             _nrt=False,
+            forceinline=inline,
         )(function)
     finally:
         numba.config.CACHE_DIR = kept  # type: ignore[attr-defined]
@@ -80,10 +81,10 @@ class Kernel:
     that Python calls is compiled only if Python calls it.
     """
 
-    def __init__(self, function: Callable[..., object]) -> None:
+    def __init__(self, function: Callable[..., object], *, inline: bool) -> None:
         update_wrapper(self, function)
         self.py_func = function
-        self._linked = _compile(function, callable_from_python=False)
+        self._linked = _compile(function, callable_from_python=False, inline=inline)
 
     @cached_property
     def _called(self) -> Any:
@@ -103,4 +104,13 @@ def kernel(function: F) -> F:
     `contract` lets a*b+c be one instruction; nothing else is reordered. Without numba's runtime (`_nrt`) arrays are not
     reference-counted, which is two thirds of the cost of passing them, and a kernel that allocates does not compile.
     """
-    return cast("F", Kernel(function)) if enabled() else function
+    return cast("F", Kernel(function, inline=False)) if enabled() else function
+
+
+def inlined(function: F) -> F:
+    """A kernel that is not called but copied into the kernels that use it.
+
+    Every array costs its caller seven to nine words on the stack and the scratch of a filter a hundred: that is worth
+    it for kernels used in one place and for short ones in hot loops, and only for them, since the copies are compiled.
+    """
+    return cast("F", Kernel(function, inline=True)) if enabled() else function

@@ -6,46 +6,71 @@ row operation of n multiplications costs little and saves most of the work, what
 Some kernels count with unsigned integers: numba tests every signed index for being negative, up to a third of the time.
 """
 
+from math import sqrt
+
 import numpy as np
 
-from outrider._kernel import kernel
+from outrider._kernel import inlined, kernel
 from outrider.typing import Floats, Ints
 
 
-@kernel
-def sandwich(P: Floats, F: Floats, Q: Floats, W: Floats, at: Ints) -> None:
-    """P <- F P F' + Q.  P, F, Q (n, n); W (n, n) and at (n, n + 1) are scratch. Only non-zeros of F cost anything.
+@inlined
+def sandwich(P: Floats, F: Floats, Q: Floats, W: Floats, seen: Floats, at: Ints, d: Floats) -> None:
+    """P <- F P F' + Q.  P, F, Q, W (n, n); at (n, n + 1); d (n,). Only non-zeros of F cost anything.
 
-    First W = F P row by row. Then P = W F' one entry at a time: of (i, j) and (j, i), which are equal, the shorter sum.
+    W, seen, at and d are scratch; `seen` and `at` hold the pattern of the last F, which is mostly that of the next.
+    First W = F P row by row, then P = W F' in rows too, as if F were diagonal. What is missing are the columns of rows
+    of F with more than that: one entry at a time, and their reflections.
     """
     n = np.uint64(P.shape[0])
-    non_zeros(F, at)
+    if differs(F, seen):
+        non_zeros(F, seen, at)
+    for i in range(n):
+        d[i] = F[i, i]
     times(F, at, P, W)
     for i in range(n):
-        for j in range(i + np.uint64(1)):
-            s, t = (i, j) if at[i, n] < at[j, n] else (j, i)
-            entry = F[s, s] * W[t, s] + Q[i, j]
-            for l in range(np.uint64(at[s, n])):
-                k = np.uint64(at[s, l])
-                entry += F[s, k] * W[t, k]
-            P[i, j] = entry
-            P[j, i] = entry
+        for j in range(n):
+            P[i, j] = d[j] * W[i, j] + Q[i, j]
+    for s in range(n):
+        count = np.uint64(at[s, n])
+        for t in range(s + np.uint64(1)):
+            if at[t, n] == 0:
+                P[t, s] = P[s, t]
+            elif count == np.uint64(0):
+                P[s, t] = P[t, s]
+            else:
+                entry = P[t, s]
+                for l in range(count):
+                    k = np.uint64(at[s, l])
+                    entry += F[s, k] * W[t, k]
+                P[t, s] = P[s, t] = entry
+
+
+@inlined
+def differs(F: Floats, seen: Floats) -> bool:
+    """Whether F (n, n) has its non-zeros elsewhere than `seen`."""
+    here, before = F.reshape(F.size), seen.reshape(seen.size)
+    count = 0
+    for i in range(np.uint64(here.size)):
+        count += (here[i] != 0.0) != (before[i] != 0.0)
+    return count != 0
 
 
 @kernel
-def non_zeros(F: Floats, at: Ints) -> None:
-    """at[i] <- the columns of the non-zeros of F beside the diagonal, and in the last place of the row how many."""
-    n = np.uint64(F.shape[0])
+def non_zeros(F: Floats, seen: Floats, at: Ints) -> None:
+    """seen <- 1 where F is not zero, else 0; at[i] <- those columns beside the diagonal, in its last place how many."""
+    n = F.shape[0]
     for i in range(n):
-        count = np.uint64(0)
+        count = 0
         for k in range(n):
+            seen[i, k] = 1.0 if F[i, k] != 0.0 else 0.0
             if F[i, k] != 0.0 and k != i:
                 at[i, count] = k
-                count += np.uint64(1)
+                count += 1
         at[i, n] = count
 
 
-@kernel
+@inlined
 def times(F: Floats, at: Ints, P: Floats, W: Floats) -> None:
     """W <- F P, with the non-zeros of F from `non_zeros`: three rows of P at a time, since each pass reads W."""
     n = np.uint64(F.shape[0])
@@ -67,52 +92,37 @@ def times(F: Floats, at: Ints, P: Floats, W: Floats) -> None:
                 W[i, j] += a * P[p, j]
 
 
-@kernel
+@inlined
 def add_product(sign: float, A: Floats, B: Floats, m: int, M: Floats) -> None:
-    """M <- M + sign A' B over the first m rows of A and B, three at a time: rows up to the next three must be zero."""
+    """M <- M + sign A' B over the first m rows of A and B, six at a time: rows up to the next six must be zero."""
     n, width = np.uint64(M.shape[0]), np.uint64(M.shape[1])
-    one, two, three = np.uint64(1), np.uint64(2), np.uint64(3)
-    for k in range(np.uint64(0), np.uint64(m), three):
+    one, two, three, four, five, six = (
+        np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4), np.uint64(5), np.uint64(6),
+    )  # fmt: skip
+    for k in range(np.uint64(0), np.uint64(m), six):
         for i in range(n):
             a, b, c = sign * A[k, i], sign * A[k + one, i], sign * A[k + two, i]
+            d, e, f = sign * A[k + three, i], sign * A[k + four, i], sign * A[k + five, i]
             for j in range(width):
-                M[i, j] += a * B[k, j] + b * B[k + one, j] + c * B[k + two, j]
+                M[i, j] += (
+                    (a * B[k, j] + b * B[k + one, j] + c * B[k + two, j])
+                    + (d * B[k + three, j] + e * B[k + four, j] + f * B[k + five, j])
+                )  # fmt: skip
 
 
-@kernel
+@inlined
 def mirror(M: Floats, P: Floats) -> None:
-    """P <- the lower triangle of M and its reflection.  P (n, n); M (n, n) or wider.
+    """P <- the symmetric part of M.  P (n, n); M (n, n) or wider.
 
     A correlation that updates wear away ends as a denormal number, a hundred times as slow: zero below 1e-60.
     """
     n = np.uint64(P.shape[0])
     for i in range(n):
         for j in range(i + np.uint64(1)):
-            entry = M[i, j]
+            entry = 0.5 * (M[i, j] + M[j, i])
             entry = entry if abs(entry) > 1e-60 else 0.0
             P[i, j] = entry
             P[j, i] = entry
-
-
-@kernel
-def times_transpose(H: Floats, P: Floats, m: int, HP: Floats) -> None:
-    """HP <- H P for the first m rows.  H (m, n), P (n, n) symmetric, HP (m, n)."""
-    n = P.shape[0]
-    for i in range(m):
-        first = True
-        for k in range(n):
-            h = H[i, k]
-            if h != 0.0:
-                if first:
-                    for j in range(n):
-                        HP[i, j] = h * P[k, j]
-                    first = False
-                else:
-                    for j in range(n):
-                        HP[i, j] += h * P[k, j]
-        if first:
-            for j in range(n):
-                HP[i, j] = 0.0
 
 
 @kernel
@@ -130,24 +140,6 @@ def chain(D: Floats, K: Floats, m: int, H: Floats) -> None:
 
 
 @kernel
-def innovation_covariance(HP: Floats, H: Floats, r: Floats, m: int, S: Floats) -> None:
-    """S <- H P H' + diag(r) for the first m rows.  r (m,) variances."""
-    n = H.shape[1]
-    for i in range(m):
-        for j in range(i + 1):
-            S[i, j] = 0.0
-        for k in range(n):
-            h = H[i, k]
-            if h != 0.0:
-                for j in range(i + 1):
-                    S[i, j] += h * HP[j, k]
-        S[i, i] += r[i]
-    for i in range(m):
-        for j in range(i + 1, m):
-            S[i, j] = S[j, i]
-
-
-@kernel
 def cholesky(A: Floats, m: int, L: Floats) -> bool:
     """L L' = A for the leading (m, m) block, L lower triangular; False when A is not positive definite."""
     for j in range(m):
@@ -156,13 +148,14 @@ def cholesky(A: Floats, m: int, L: Floats) -> bool:
             d -= L[j, k] * L[j, k]
         if not d > 0.0:
             return False
-        root = d**0.5
+        root = sqrt(d)
         L[j, j] = root
+        share = 1.0 / root
         for i in range(j + 1, m):
             s = A[i, j]
             for k in range(j):
                 s -= L[i, k] * L[j, k]
-            L[i, j] = s / root
+            L[i, j] = s * share
         for i in range(j):
             L[i, j] = 0.0
     return True

@@ -76,8 +76,17 @@ class StateLayout:
 
     @cached_property
     def table(self) -> Ints:
-        """(blocks, 4) int64 for kernels: manifold, first state index, first error index, error size."""
-        rows = [(b.manifold, b.state.start, b.error.start, b.error.stop - b.error.start) for b in self]
+        """(rows, 4) int64 for kernels: manifold, first state index, first error index, error size.
+
+        A row for each block; vectors that follow each other are one.
+        """
+        rows: list[list[int]] = []
+        for b in self:
+            size = b.error.stop - b.error.start
+            if rows and rows[-1][0] == b.manifold == Manifold.VECTOR:
+                rows[-1][3] += size
+            else:
+                rows.append([int(b.manifold), b.state.start, b.error.start, size])
         return np.array(rows, np.int64).reshape(-1, 4)
 
     @cached_property

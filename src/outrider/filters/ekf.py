@@ -12,17 +12,13 @@ from typing import NamedTuple, final
 
 import numpy as np
 
-from outrider._kernel import kernel
+from outrider._kernel import inlined, kernel
 from outrider.core.linalg import (
-    add_product,
     cholesky,
-    innovation_covariance,
     mirror,
     sandwich,
     solve_lower,
     solve_lower_rows,
-    solve_upper_rows,
-    times_transpose,
 )
 from outrider.core.manifold import local, retract
 from outrider.core.rotations import right_jacobian, right_jacobian_inverse
@@ -36,100 +32,131 @@ from outrider.typing import Floats, Ints
 class Work(NamedTuple):
     """Scratch of one filter, reused by every step. m is the largest number of measurements in one update.
 
-    Rows are padded with zeros to whole vector registers (8 numbers) and measurements to threes, which halves the time.
+    Rows are padded with zeros to whole vector registers (8 numbers), which halves the time.
     """
 
-    HP: Floats  # (m, n)  H P, afterwards the second factor of the Joseph form
-    S: Floats  # (m, m)  innovation covariance
-    L: Floats  # (m, m)  its Cholesky factor
-    v: Floats  # (m,)    L^-1 y, the whitened innovation
-    K: Floats  # (m, n)  the gain, transposed
-    M: Floats  # (n, n)
-    W: Floats  # (n, n)  F P, not padded
-    at: Ints  # (n, n + 1) where F is not zero
-    dx: Floats  # (n,)   the correction
+    s: Floats  # (m,)  predicted variance of each measurement, its noise included
+    M: Floats  # (n, n)  P, after `innovate` that after the update
+    c: Floats  # (n,)  h M, of one measurement
+    K: Floats  # (n,)  its gain
+    G: Floats  # (n,)  h M' - r K, M' = M - c' K
+    dx: Floats  # (n,)  the correction
+    on: Ints  # (n + 1,)  where h is not zero, and how often
+    W: Floats  # (n, n)  F P, not padded, as what follows
+    seen: Floats  # (n, n)  1 where the last F was not zero
+    at: Ints  # (n, n + 1)  the same, as lists
+    d: Floats  # (n,)  diagonal of F
     J: Floats  # (3, 3)
 
 
 def workspace(n: int, m: int) -> Work:
     """Scratch for n error states and at most m measurements."""
-    rows, width = -(-m // 3) * 3, -(-n // 8) * 8
+    width = -(-n // 8) * 8
     return Work(
-        HP=np.zeros((rows, width)),
-        S=np.zeros((m, m)),
-        L=np.zeros((m, m)),
-        v=np.zeros(m),
-        K=np.zeros((rows, width)),
+        s=np.zeros(m),
         M=np.zeros((n, width)),
+        c=np.zeros(width),
+        K=np.zeros(width),
+        G=np.zeros(width),
+        dx=np.zeros(width),
+        on=np.zeros(n + 1, np.int64),
         W=np.zeros((n, n)),
+        seen=np.zeros((n, n)),
         at=np.zeros((n, n + 1), np.int64),
-        dx=np.zeros(n),
+        d=np.zeros(n),
         J=np.zeros((3, 3)),
     )
 
 
 @kernel
 def innovate(P: Floats, H: Floats, r: Floats, y: Floats, m: int, w: Work) -> float:
-    """S = H P H' + diag(r); returns the NIS y' S^-1 y to gate on, NaN when S is not positive definite."""
-    times_transpose(H, P, m, w.HP)
-    innovation_covariance(w.HP, H, r, m, w.S)
-    return whiten(y, m, w)
+    """The first half of an update: everything but its acceptance. Returns the NIS y' S^-1 y to gate on.
 
-
-@kernel
-def whiten(y: Floats, m: int, w: Work) -> float:
-    """L = chol(S), v = L^-1 y; returns v' v, or NaN."""
-    if not cholesky(w.S, m, w.L):
-        return np.nan
-    nis = 0.0
-    for k in range(m):
-        w.v[k] = y[k]
-    solve_lower(w.L, m, w.v)
-    for k in range(m):
-        nis += w.v[k] * w.v[k]
-    return nis
-
-
-@kernel
-def gain(m: int, keep: Floats, w: Work) -> None:
-    """K' = S^-1 H P and dx = K y, after `innovate`; states with keep 0 are considered, not corrected, with 1 both."""
-    n = w.dx.size
-    for k in range(m):
-        for j in range(n):
-            w.K[k, j] = w.HP[k, j] * keep[j]
-    for k in range(m, w.K.shape[0]):
-        w.K[k] = 0.0
-        w.HP[k] = 0.0
-    solve_lower_rows(w.L, m, w.K)
-    for j in range(n):
-        w.dx[j] = 0.0
-    for k in range(m):
-        for j in range(n):
-            w.dx[j] += w.K[k, j] * w.v[k]
-    solve_upper_rows(w.L, m, w.K)
-
-
-@kernel
-def joseph(P: Floats, H: Floats, r: Floats, m: int, w: Work) -> None:
-    """P <- (I - K H) P (I - K H)' + K diag(r) K', for any gain; H P and K' are taken from the scratch.
-
-    Three thin products instead of three square ones: M = P - P H' K',  G = H M - diag(r) K',  P = M - K G.
+    Independent measurements are fused one after the other, which is the joint update without its matrix inverse
+    (Bierman 1977, ch. V): w.M and w.dx become covariance and correction, and the squares of what each measurement says
+    beyond those before it add up to the joint NIS; NaN when S = H P H' + diag(r) is not positive definite or y not
+    finite.
     """
-    n, width = w.M.shape
+    n = P.shape[0]
     for i in range(n):
         for j in range(n):
             w.M[i, j] = P[i, j]
-    add_product(-1.0, w.HP, w.K, m, w.M)
+    for j in range(w.dx.size):
+        w.dx[j] = 0.0
     for k in range(m):
+        w.s[k] = np.nan
+    nis = 0.0
+    for k in range(m):
+        entries(H, k, w.on)
+        w.s[k] = r[k] + variance(P, H, k, w.on)
+        e, s = y[k], r[k]
+        combine(w.M, H, k, w.on, w.c)
+        for l in range(w.on[n]):
+            i = w.on[l]
+            s += H[k, i] * w.c[i]
+            e -= H[k, i] * w.dx[i]
+        if not 0.0 < s < np.inf or not abs(e) < np.inf:
+            return np.nan
+        share = 1.0 / s
+        nis += e * e * share
+        for j in range(w.dx.size):
+            w.K[j] = w.c[j] * share
+            w.dx[j] += w.K[j] * e
+        joseph(H, r[k], k, w)
+    return nis
+
+
+@inlined
+def entries(H: Floats, k: int, on: Ints) -> None:
+    """on <- the columns where row k of H is not zero; in its last place how many."""
+    count = 0
+    for i in range(H.shape[1]):
+        on[count] = i
+        count += 1 if H[k, i] != 0.0 else 0
+    on[H.shape[1]] = count
+
+
+@inlined
+def variance(P: Floats, H: Floats, k: int, on: Ints) -> float:
+    """h P h' of row k of H, whose non-zeros are known."""
+    total = 0.0
+    for a in range(on[H.shape[1]]):
+        for b in range(on[H.shape[1]]):
+            total += H[k, on[a]] * H[k, on[b]] * P[on[a], on[b]]
+    return total
+
+
+@inlined
+def combine(M: Floats, H: Floats, k: int, on: Ints, c: Floats) -> None:
+    """c <- h M with h row k of H, whose non-zeros are known."""
+    for j in range(c.size):
+        c[j] = 0.0
+    for l in range(on[H.shape[1]]):
+        i = on[l]
+        h = H[k, i]
+        for j in range(c.size):
+            c[j] += h * M[i, j]
+
+
+@inlined
+def joseph(H: Floats, r: float, k: int, w: Work) -> None:
+    """w.M <- (I - K' h) M (I - K' h)' + r K' K for any gain K of measurement h, row k of H, and c = h M.
+
+    In two steps, M' = M - c' K and M' - K' (h M' - r K), that must see the same rounded M': what the first loses of a
+    small variance by cancellation the second puts right.
+    """
+    n, width = np.uint64(w.M.shape[0]), np.uint64(w.M.shape[1])
+    for j in range(width):
+        w.G[j] = -r * w.K[j]
+    for l in range(w.on[n]):
+        i = w.on[l]
+        h, a = H[k, i], w.c[i]
         for j in range(width):
-            w.HP[k, j] = -r[k] * w.K[k, j]
-        for i in range(n):
-            h = H[k, i]
-            if h != 0.0:
-                for j in range(width):
-                    w.HP[k, j] += h * w.M[i, j]
-    add_product(-1.0, w.K, w.HP, m, w.M)
-    mirror(w.M, P)
+            w.G[j] += h * (w.M[i, j] - a * w.K[j])
+    for i in range(n):
+        a, b = w.c[i], w.K[i]
+        for j in range(width):
+            w.M[i, j] = (w.M[i, j] - a * w.K[j]) - b * w.G[j]
 
 
 @kernel
@@ -161,19 +188,29 @@ def transport(P: Floats, dx: Floats, table: Ints, back: bool, J: Floats) -> None
                     P[j, s + i] = P[s + i, j]
 
 
-@kernel
-def correct(x: Floats, P: Floats, H: Floats, r: Floats, m: int, keep: Floats, table: Ints, w: Work) -> None:
-    """Second half of an update, after `innovate` and its gate: gain, covariance, state. The correction is in w.dx."""
-    gain(m, keep, w)
-    joseph(P, H, r, m, w)
+@inlined
+def correct(x: Floats, P: Floats, keep: Floats, table: Ints, w: Work) -> None:
+    """Second half of an update, after `innovate` and its gate. The correction is in w.dx.
+
+    States with keep 0 are considered, with 1 estimated. A gain without the rows of considered states gives the same
+    covariance as the whole gain, except among the considered states themselves: there nothing changes.
+    """
+    n = P.shape[0]
+    for i in range(n):
+        if keep[i] == 0.0:
+            w.dx[i] = 0.0
+            for j in range(n):
+                if keep[j] == 0.0:
+                    w.M[i, j] = P[i, j]
+    mirror(w.M, P)
     transport(P, w.dx, table, False, w.J)
     retract(x, w.dx, table)
 
 
-@kernel
+@inlined
 def propagate(P: Floats, F: Floats, Q: Floats, w: Work) -> None:
     """P <- F P F' + Q."""
-    sandwich(P, F, Q, w.W, w.at)
+    sandwich(P, F, Q, w.W, w.seen, w.at, w.d)
 
 
 # ------------------------------------------------------------------------------------------------ pure steps
@@ -218,14 +255,14 @@ def update(belief: Gaussian, y: Floats, H: Floats, R: Floats, *, consider: tuple
     DataError   S or R is not positive definite
     """
     x, P = belief.x.copy(), belief.P.copy()
-    white_y, white_H, r, root = whitened(y, H, R)
+    white_y, white_H, r = whitened(y, H, R)
     m = r.size
     w = workspace(P.shape[0], m)
     nis = innovate(P, white_H, r, white_y, m, w)
     if not np.isfinite(nis):
         raise DataError("the innovation covariance is not positive definite", fix="check P and R for negative or NaN")
-    S = root @ w.S @ root.T
-    correct(x, P, white_H, r, m, kept(belief.layout, consider), belief.layout.table, w)
+    S = H @ belief.P @ np.transpose(H) + (np.diag(R) if np.ndim(R) == 1 else R)
+    correct(x, P, kept(belief.layout, consider), belief.layout.table, w)
     return Updated(Gaussian(x, P, belief.layout), S, nis)
 
 
@@ -278,15 +315,15 @@ def kept(layout: StateLayout, consider: tuple[str, ...]) -> Floats:
     return keep
 
 
-def whitened(y: Floats, H: Floats, R: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-    """(y, H, r, root) with independent noises: R = root diag(r) root'. A diagonal R is left as it is, zeros allowed."""
+def whitened(y: Floats, H: Floats, R: Floats) -> tuple[Floats, Floats, Floats]:
+    """(y, H, r) with independent noises of variances r. A diagonal R is left as it is, zeros allowed."""
     white_y, white_H, noise = np.array(y, float), np.array(H, float, order="C"), np.array(R, float)
     variances = noise if noise.ndim == 1 else np.diag(noise).copy()
     root = np.eye(variances.size)
     if noise.ndim == 1 or not np.any(noise - np.diag(variances)):
-        return white_y, white_H, variances, root
+        return white_y, white_H, variances
     if not cholesky(noise, white_y.size, root):
         raise DataError("the measurement covariance is not positive definite", fix="give variances, or a valid R")
     solve_lower(root, white_y.size, white_y)
     solve_lower_rows(root, white_y.size, white_H)
-    return white_y, white_H, np.ones(white_y.size), root
+    return white_y, white_H, np.ones(white_y.size)

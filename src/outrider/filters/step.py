@@ -183,7 +183,7 @@ def step(
     nis = innovate(s.P, ws.H, ws.r, ws.y, m, ws.w)
     out[OUT_NIS], out[OUT_DOF] = nis, m
     for i in range(m):
-        out[OUT_Y + ws.row[i]], out[OUT_S + ws.row[i]] = ws.y[i], np.sqrt(ws.w.S[i, i])
+        out[OUT_Y + ws.row[i]], out[OUT_S + ws.row[i]] = ws.y[i], np.sqrt(ws.w.s[i])
     if flag == _WITHHELD:
         return
     if not np.isfinite(nis):
@@ -199,7 +199,7 @@ def step(
     out[OUT_VERDICT], out[OUT_STATE] = verdict, h[H_STATE]
     if verdict in (_USED, _RESET):
         keep(s, ws)
-        correct(s.x, s.P, ws.H, ws.r, m, model.keep, model.table, ws.w)
+        correct(s.x, s.P, model.keep, model.table, ws.w)
         if healthy(s):
             mark(s, t, m, ws)
         else:

@@ -12,7 +12,7 @@ from typing import NamedTuple, final
 
 import numpy as np
 
-from outrider._kernel import kernel
+from outrider._kernel import inlined
 from outrider.core.angles import wrap
 from outrider.core.linalg import add_product, cholesky, mirror, solve_lower, solve_lower_rows, solve_upper_rows
 from outrider.core.manifold import local, retract, rotate_right
@@ -27,7 +27,7 @@ from outrider.typing import Floats, Ints
 class Work(NamedTuple):
     """Scratch of one filter with p = 2 n + 1 sigma points: the first is the centre, then +, then -.
 
-    Padded with zeros for `add_product`: rows to eights, and where they are summed over (p; m in Yt and K) to threes.
+    Padded with zeros for `add_product`: rows to eights, and where they are summed over (p; m in Yt and K) to sixes.
     """
 
     wm: Floats  # (p,)    weights of means
@@ -83,14 +83,14 @@ def workspace(size: int, n: int, m: int, spread: Spread = CUBATURE) -> Work:
     """Scratch for a state of `size` numbers with n errors, and at most m measurements."""
     wm, wc, gamma = spread.weights(n)
     points = 2 * n + 1
-    p, q = -(-points // 3) * 3, -(-m // 3) * 3
+    p, q = -(-points // 6) * 6, -(-m // 6) * 6
     n8, m8 = -(-n // 8) * 8, -(-m // 8) * 8
     sums = ((p, n8), (p, m8), (q, points), (p, n8), (p, m8))
-    small = ((n, n), (n,), (m,), (m, m8), (m, m), (m,), (q, n8), (q, n8), (n, n8), (3, 3))
+    small = ((n, n), (n8,), (m8,), (m, m8), (m, m), (m,), (q, n8), (q, n8), (n, n8), (3, 3))
     return Work(wm, wc, np.array([gamma]), np.zeros((points, size)), *(np.zeros(shape) for shape in sums + small))
 
 
-@kernel
+@inlined
 def draw(x: Floats, P: Floats, table: Ints, w: Work) -> bool:
     """X <- x [+] (0, +gamma L, -gamma L), E their tangent vectors, P = L L'; False when P has no Cholesky factor."""
     n, gamma = P.shape[0], w.gamma[0]
@@ -109,7 +109,7 @@ def draw(x: Floats, P: Floats, table: Ints, w: Work) -> bool:
     return True
 
 
-@kernel
+@inlined
 def perturb(X: Floats, E: Floats, table: Ints) -> None:
     """X[i] <- X[i] [+] E[i] for all members, block by block: `retract` with the loops changed round."""
     for b in range(table.shape[0]):
@@ -124,7 +124,7 @@ def perturb(X: Floats, E: Floats, table: Ints) -> None:
                 rotate_right(X[i], i0, E[i, k0], E[i, k0 + 1], E[i, k0 + 2])
 
 
-@kernel
+@inlined
 def differences(X: Floats, x: Floats, table: Ints, E: Floats) -> None:
     """E[i] <- X[i] [-] x for all members, block by block."""
     for b in range(table.shape[0]):
@@ -137,7 +137,7 @@ def differences(X: Floats, x: Floats, table: Ints, E: Floats) -> None:
                 local(X[i], x, table[b : b + 1], E[i])
 
 
-@kernel
+@inlined
 def tangent_mean(X: Floats, weights: Floats, table: Ints, x: Floats, E: Floats, dx: Floats) -> None:
     """x <- the weighted mean of members X, starting from X[0]; E (members, n) <- their tangent vectors at the mean.
 
@@ -163,7 +163,7 @@ def tangent_mean(X: Floats, weights: Floats, table: Ints, x: Floats, E: Floats, 
             E[i, j] -= dx[j]
 
 
-@kernel
+@inlined
 def _turn(dx: Floats, table: Ints) -> float:
     """The largest component of the rotations in dx [rad]."""
     largest = 0.0
@@ -174,7 +174,7 @@ def _turn(dx: Floats, table: Ints) -> float:
     return largest
 
 
-@kernel
+@inlined
 def recover(x: Floats, P: Floats, Q: Floats, table: Ints, w: Work) -> None:
     """x, P <- moments of the sigma points w.X after the process, and the noise Q that the process added."""
     tangent_mean(w.X, w.wm, table, x, w.E, w.dx)
@@ -184,34 +184,35 @@ def recover(x: Floats, P: Floats, Q: Floats, table: Ints, w: Work) -> None:
     _finish(P, w)
 
 
-@kernel
+@inlined
 def _finish(P: Floats, w: Work) -> None:
     """P <- M + sum w e e', symmetric to the last bit."""
-    p, n = w.X.shape[0], P.shape[0]
+    p = w.X.shape[0]
     for i in range(p):
-        for j in range(n):
+        for j in range(w.dx.size):
             w.WE[i, j] = w.wc[i] * w.E[i, j]
     add_product(1.0, w.WE, w.E, p, w.M)
     mirror(w.M, P)
 
 
-@kernel
+@inlined
 def innovate(r: Floats, m: int, w: Work) -> float:
     """From innovations w.Y at the points of `draw`: y, S and the gain; returns the NIS, NaN when S is not positive.
 
     y = sum w Y,  C = - sum w e (Y - y)',  S = sum w (Y - y) (Y - y)' + diag(r),  K = C S^-1
     """
-    p = w.X.shape[0]
-    for k in range(m):
+    p, width = w.X.shape[0], w.y.size
+    for k in range(width):
         w.y[k] = 0.0
     for i in range(p):
-        for k in range(m):
+        for k in range(width):
             w.y[k] += w.wm[i] * w.Y[i, k]
     for i in range(p):
-        for k in range(m):
+        for k in range(width):
             w.Y[i, k] -= w.y[k]
-            w.Yt[k, i] = w.Y[i, k]
             w.WY[i, k] = w.wc[i] * w.Y[i, k]
+        for k in range(m):
+            w.Yt[k, i] = w.Y[i, k]
     w.S[:, :] = 0.0
     w.K[:, :] = 0.0
     for k in range(m):
@@ -230,18 +231,19 @@ def innovate(r: Floats, m: int, w: Work) -> float:
     return nis
 
 
-@kernel
+@inlined
 def correct(x: Floats, P: Floats, r: Floats, m: int, keep: Floats, table: Ints, w: Work) -> None:
     """Second half of an update, after `innovate` and its gate.
 
     x <- x [+] K y,  P <- sum w (e + K (Y - y)) (e + K (Y - y))' + K diag(r) K', a sum of squares for any gain.
     """
-    p, n = w.X.shape[0], P.shape[0]
-    for j in range(n):
+    p, width = w.X.shape[0], w.dx.size
+    for j in range(width):
         w.dx[j] = 0.0
     for k in range(m):
-        for j in range(n):
+        for j in range(keep.size):
             w.K[k, j] *= keep[j]
+        for j in range(width):
             w.RK[k, j] = r[k] * w.K[k, j]
             w.dx[j] += w.K[k, j] * w.y[k]
     add_product(1.0, w.Yt, w.K, m, w.E[:p])
