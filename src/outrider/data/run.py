@@ -37,6 +37,8 @@ class Verdict(IntEnum):
     BAD_COVARIANCE = 19
     DIVERGED = 20
     REDUNDANT = 21
+    ASTRAY = 22
+    UNKNOWN_FIX = 23
 
 
 REASONS: Mapping[Verdict, str] = {
@@ -62,6 +64,8 @@ REASONS: Mapping[Verdict, str] = {
     Verdict.BAD_COVARIANCE: "stated covariance is zero, negative or absurd",
     Verdict.DIVERGED: "refused: it would have made the estimate non-finite",
     Verdict.REDUNDANT: "another source of the same quantity is in use",
+    Verdict.ASTRAY: "stamp far from the time that most sources share",
+    Verdict.UNKNOWN_FIX: "fix type that is none of those known",
 }
 
 
