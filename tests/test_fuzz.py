@@ -10,11 +10,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from outrider.data import EventLog, Kind, Stream
-from outrider.errors import OutriderError
+from damage import DAMAGE, damaged
+from outrider.data import EventLog, Kind, Outcome, Stream
+from outrider.errors import ExitCode, OutriderError
 from outrider.sim import drone_log, wheeled_log
 from outrider.workflows.config import FuseConfig
 from outrider.workflows.fuse import fuse
+from outrider.workflows.summary import exit_code
 
 pytestmark = pytest.mark.compiled  # overflow is silent there; plain Python would warn of every one
 
@@ -130,9 +132,14 @@ def invalid(s: Stream, rng: np.random.Generator) -> Stream:
     return replace(s, extra={**s.extra, "valid": rng.choice([0.0, 1.0, np.nan], len(s))})
 
 
+def damaged_stamps(s: Stream, rng: np.random.Generator) -> Stream:
+    return damaged(s, rng.choice(sorted(DAMAGE)), rng, arrival_too=bool(rng.random() < 0.5)) if len(s) else s
+
+
 MUTATIONS: tuple[Mutation, ...] = (
     truncated, beheaded, spoiled_values, spoiled_rows, noise_instead, shifted_places, variances, frozen, doubled,
     reordered, late, stamped_zero, stamped_equal, clock_jump, other_epoch, extremes, further_columns, invalid,
+    damaged_stamps,
 )  # fmt: skip
 
 steps = st.lists(st.tuples(st.integers(0, 9), st.sampled_from(MUTATIONS), st.integers(0, 99)), max_size=5)
@@ -166,7 +173,15 @@ def judge(log: EventLog, config: FuseConfig | None = None) -> str:
             assert (np.diff(estimates.t) > 0).all()
     for account in run.accounts:
         assert sum(account.by_verdict.values()) + account.malformed <= account.received
+    for name, s in log.streams.items():  # no record vanishes between the channels of its source
+        mine = [a for a in run.accounts if a.source == name or a.source in (f"{name} (fixed)",)]
+        assert not mine or s.kind is not Kind.GNSS or sum(a.received for a in mine) == len(s) + s.malformed
     assert len({f.text for f in run.findings}) == len(run.findings) <= 60
+    if exit_code(run) is ExitCode.OK:  # then there is something to be trusted
+        assert run.outcome in (Outcome.OK, Outcome.DEGRADED, Outcome.PARTLY_VALID)
+        assert run.valid_shares[0] > 0.05
+        assert run.fused.pose.length < 100.0 * max(run.duration, 1.0)
+        assert (run.fused.sd[-1, :2] < 1000.0).all()
     return run.outcome.name
 
 

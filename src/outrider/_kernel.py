@@ -13,12 +13,14 @@ cache therefore lives in a folder named after the state of *all* our sources.
 import hashlib
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from functools import cached_property, update_wrapper
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
+from numba.core.event import TimingListener, install_listener
 
 F = TypeVar("F", bound=Callable[..., object])
 
@@ -51,6 +53,13 @@ def enabled() -> bool:
 def is_warm() -> bool:
     """Whether an earlier run has left compiled kernels on the disk."""
     return not enabled() or any(Path(numba.config.CACHE_DIR).rglob("*.nbc"))  # type: ignore[attr-defined]
+
+
+@contextmanager
+def compiling() -> Generator[Callable[[], float], None, None]:
+    """Gives a function that tells how many seconds have gone into compiling since; loading is not counted."""
+    with install_listener("numba:compile", TimingListener()) as timer:
+        yield lambda: float(timer.duration) if timer.done else 0.0
 
 
 def _compile(function: Callable[..., object], *, callable_from_python: bool, inline: bool = False) -> Any:

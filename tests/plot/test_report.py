@@ -11,7 +11,6 @@ import pytest
 
 from outrider.data import Finding, Outcome, Run, Trajectory
 from outrider.plot import write_report
-from outrider.plot.series import distance
 from outrider.plot.tables import number
 
 SECTIONS = (
@@ -107,7 +106,7 @@ def test_full_report_tells_everything(tmp_path: Path, run: Run) -> None:
     for words in (
         "husky_2025-04-02.bag", "read the findings", "5 min 00 s", "heading-conflict", "leave it out", "not used: the",
         "innovation outside its chi-square gate", "could not be decoded", "drives the prediction", "gyro bias",
-        number(distance(run.fused.pose), "m"), "95 % ellipse", "declared invalid", "10 consistent fixes", "2.21",
+        number(run.fused.pose.length, "m"), "95 % ellipse", "declared invalid", "10 consistent fixes", "2.21",
         "gate_probability", "floor: not set", "numpy 2.1", "9f2c9f2c", "--seed 7", "horizontal RMSE", "faulted",
         "49.9000000",
     ):  # fmt: skip

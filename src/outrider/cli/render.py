@@ -33,7 +33,9 @@ def run(summary: Mapping[str, Any], folder: Path, *, quiet: bool = False, verbos
     """Outcome, key figures, findings and the table of sources."""
     out = console()
     outcome = summary["outcome"]
-    style = {"ok": "bold green", "degraded": "bold yellow"}.get(outcome["code"], "bold red")
+    style = {"ok": "bold green", "degraded": "bold yellow", "partly_valid": "bold yellow"}.get(
+        outcome["code"], "bold red"
+    )
     out.print(Text(outcome["text"], style))
     if quiet:
         return
@@ -53,7 +55,8 @@ def _figures(summary: Mapping[str, Any]) -> Iterable[str]:
         return
     end, sd, share = f["end"], f["deviation"], f["valid_share"]
     pace = f", {_number(f['times_real_time'])} x real time" if f["times_real_time"] else ""
-    took = f"computed in {_number(summary['wall_s'])} s{pace}"
+    compiled = f" plus {_number(summary['compile_s'])} s compiling" if summary["compile_s"] > 0.0 else ""
+    took = f"computed in {_number(summary['wall_s'])} s{pace}{compiled}"
     yield f"{_number(f['duration_s'])} s, {_number(f['distance_m'])} m, {took}"
     known = [f"position +-{_number(sd['horizontal_m']['end'])} m" if "horizontal_m" in sd else ""]
     known += [f"heading +-{_number(sd['heading_deg']['end'])} deg" if "heading_deg" in sd else ""]

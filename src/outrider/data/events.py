@@ -149,8 +149,8 @@ class Stream:
 
     @property
     def rate(self) -> float:
-        """Median rate [Hz]; NaN for fewer than two distinct stamps."""
-        gaps = np.diff(self.t)
+        """Median rate [Hz], in whatever order the records came; NaN for fewer than two distinct stamps."""
+        gaps = np.diff(np.sort(self.t, kind="stable"))
         gaps = gaps[gaps > 0]
         return float(1e9 / np.median(gaps)) if gaps.size else float("nan")
 

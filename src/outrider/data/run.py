@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum, IntEnum
-from typing import final
+from typing import Final, final
 
 import numpy as np
 
@@ -37,6 +37,8 @@ class Verdict(IntEnum):
     BAD_COVARIANCE = 19
     DIVERGED = 20
     REDUNDANT = 21
+    ASTRAY = 22
+    UNKNOWN_FIX = 23
 
 
 REASONS: Mapping[Verdict, str] = {
@@ -62,7 +64,13 @@ REASONS: Mapping[Verdict, str] = {
     Verdict.BAD_COVARIANCE: "stated covariance is zero, negative or absurd",
     Verdict.DIVERGED: "refused: it would have made the estimate non-finite",
     Verdict.REDUNDANT: "another source of the same quantity is in use",
+    Verdict.ASTRAY: "stamp far from the time that most sources share",
+    Verdict.UNKNOWN_FIX: "fix type that is none of those known",
 }
+
+
+SILENCE: Final = 60.0  # s without a usable record: a longer time is no part of the run, the job starts anew after it
+HOLD: Final = 5.0  # s that an estimate says anything about
 
 
 class SensorState(IntEnum):
@@ -81,6 +89,8 @@ class Outcome(Enum):
 
     OK = "finished; the estimate is valid"
     DEGRADED = "finished, with warnings: read the findings"
+    PARTLY_VALID = "finished; the estimate is valid for a part of the time only, the report shows when"
+    NOT_CREDIBLE = "finished, but the result is not credible: read the findings for the source or clock at fault"
     NEVER_ALIGNED = (
         "no initial position or heading could be found: give a longer log, a GNSS source, or an initial pose"
     )
@@ -192,7 +202,39 @@ class Run:
     tracks: Mapping[str, Trajectory] = field(default_factory=dict[str, Trajectory])  # what each source alone says
     health: Mapping[str, Floats] = field(default_factory=dict[str, Floats])  # source -> (k, 2) time [s], SensorState
     outcome: Outcome = Outcome.OK
-    wall_seconds: float = float("nan")
+    wall_seconds: float = float("nan")  # of computing, without what compiling took
+    compile_seconds: float = 0.0
+
+    @property
+    def silences(self) -> Floats:
+        """(k, 2) seconds since `start` at which an estimate was the last for more than `SILENCE`, and for how long."""
+        t = (self.fused.t - self.start) * 1e-9
+        gaps = np.diff(t)
+        long = gaps > SILENCE
+        return np.column_stack([t[:-1][long], gaps[long]]).astype(np.float64)
+
+    @property
+    def duration(self) -> float:
+        """Seconds from `start` to the last estimate without `silences`: what every share of time is a share of."""
+        whole = float(self.fused.t[-1] - self.start) * 1e-9 if self.fused.t.size else 0.0
+        return whole - float(self.silences[:, 1].sum())
+
+    @property
+    def valid_shares(self) -> tuple[float, float, float]:
+        """Shares of `duration` in which position, velocity and heading were valid.
+
+        What an estimate says holds until the next, for `HOLD` at most; before the first one nothing is valid.
+        """
+        t, valid = self.fused.t, self.fused.valid != 0
+        if not t.size:
+            return 0.0, 0.0, 0.0
+        if self.duration <= 0.0:
+            now = valid[-1]
+            return float(now[0]), float(now[1]), float(now[2])
+        gaps = np.diff(t) * 1e-9
+        counts = np.where(gaps > SILENCE, 0.0, np.minimum(gaps, HOLD)) / self.duration
+        p, v, h = np.minimum(counts @ valid[:-1], 1.0).tolist()
+        return p, v, h
 
     @property
     def used_nothing_of(self) -> tuple[str, ...]:

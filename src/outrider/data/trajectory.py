@@ -1,12 +1,16 @@
 """A timed path of poses, with velocity and covariance where they are known."""
 
 from dataclasses import dataclass, field
-from typing import final
+from math import dist
+from typing import Final, final
 
 import numpy as np
 
 from outrider.errors import DataError
 from outrider.typing import Bools, Floats, Ints
+
+STEPS: Final = (0.1, 1.0)  # m: motion below the first is noise whatever the source says, above the second it is none
+LOST: Final = 1000.0  # m: a standard deviation beyond which a position is none
 
 
 @final
@@ -62,5 +66,17 @@ class Trajectory:
 
     @property
     def length(self) -> float:
-        """Path length [m]."""
-        return float(np.linalg.norm(np.diff(self.p, axis=0), axis=1).sum())
+        """Distance travelled [m], to which noise does not add up.
+
+        A place counts once it is further from the last that counted than the standard deviation of its position, within
+        `STEPS` (the least of them where none is known). Where that deviation is above `LOST` nobody knows the place.
+        """
+        sd = np.sqrt(np.maximum(np.trace(self.P[:, :3, :3], axis1=1, axis2=2), 0.0)) if len(self.P) else STEPS[0]
+        known = np.isfinite(self.p).all(axis=1) & (sd <= LOST)
+        places, steps = self.p[known].tolist(), np.broadcast_to(np.clip(sd, *STEPS), known.shape)[known].tolist()
+        total, last = 0.0, places[0] if places else []
+        for place, step in zip(places, steps, strict=True):
+            away = dist(place, last)
+            if away > step:
+                total, last = total + away, place
+        return total

@@ -4,7 +4,7 @@ A stream may feed several channels (an IMU its gyro and its accelerometer, a rec
 A channel screens nothing: `screen` has given every record of the stream a verdict before.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Final, final
 
 import numpy as np
@@ -71,6 +71,10 @@ class Records:
     r: Floats
     flag: Ints
     row: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
+
+    def select(self, keep: Bools) -> "Records":
+        """Only the given ones."""
+        return Records(*(getattr(self, f.name)[keep] for f in fields(self)))
 
 
 def records(channel: Channel, stream: Stream, verdict: Ints, datum: Datum | None) -> Records:

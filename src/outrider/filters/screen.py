@@ -10,6 +10,7 @@ from typing import Final, TypeAlias, final
 import numpy as np
 
 from outrider.data import Fix, Kind, Stream, Verdict
+from outrider.filters.stamps import CLOCK_JUMP, lag, usable
 from outrider.typing import Bools, Floats, Ints
 
 # Largest magnitude per column that a working sensor of this kind can report.
@@ -33,12 +34,11 @@ LIMITS: Final = {
 # GNSS below the time that earns a reset, or the estimate would jump to where the receiver froze.
 FROZEN_AFTER: Final = {Kind.IMU: 0.5, Kind.MAG: 5.0, Kind.ATTITUDE: 2.0, Kind.GNSS: 2.5}
 FROZEN_RECORDS: Final = 5
+FIX_CODES: Final = np.array([f.value for f in Fix])
 STALE_AFTER: Final = 5.0  # s between a fix and its arrival, beyond the stream's usual latency
 ABSURD_VARIANCE: Final = 1e30
-EARLIEST: Final = 1  # ns: a stamp of zero is no stamp
 STUCK_CHANGE: Final = 0.15  # rad/s: a change of the turn rate that turning wheels cannot miss
 STUCK_SMOOTH: Final = 0.5  # s over which that rate is averaged: bumps are shorter
-CLOCK_JUMP: Final = 600.0  # s between a stamp and its arrival, beyond the stream's usual offset
 AHEAD: Final = 2.0  # s that a stamp may be too new by the same measure: more would make all other sources late
 
 
@@ -74,9 +74,10 @@ class Memory:
     offset: float = float("nan")  # ns, usual arrival - stamp
 
 
-def screen(s: Stream, memory: Memory | None = None, motion: Ints | None = None) -> Ints:
+def screen(s: Stream, memory: Memory | None = None, motion: Ints | None = None, stray: Bools | None = None) -> Ints:
     """(n,) a `Verdict` per record: USED for those that pass.
 
+    stray : (n,) records whose stamps the other sources contradict, see `outrider.filters.stamps.astray`
     motion : sorted stamps [ns] at which any source felt the robot move. A value that repeats while nothing moves is a
     coarse sensor at rest, not a frozen one. Without it every stretch counts as motion.
     """
@@ -90,6 +91,8 @@ def screen(s: Stream, memory: Memory | None = None, motion: Ints | None = None) 
         verdict[rows & (verdict == Verdict.USED)] = int(reason)
 
     refuse(bad_stamps(s, m), Verdict.BAD_STAMP)
+    if stray is not None:
+        refuse(stray, Verdict.ASTRAY)
     refuse(~np.isfinite(s.z).any(axis=1), Verdict.NOT_FINITE)
     refuse(np.isinf(s.z).any(axis=1), Verdict.NOT_FINITE)
     if s.kind in (Kind.GNSS, Kind.GNSS_VELOCITY):
@@ -112,14 +115,13 @@ def screen(s: Stream, memory: Memory | None = None, motion: Ints | None = None) 
 
 
 def bad_stamps(s: Stream, m: Memory) -> Bools:
-    """Stamps of zero, before zero, or too far off the stream's usual offset from the recorder's clock."""
-    bad = s.t < EARLIEST
-    good = ~bad
-    if good.any():
-        lag = (s.t_arrival - s.t).astype(np.float64)
+    """Stamps of zero, before zero, or too far off the usual offset from the recorder's clock."""
+    bad = ~usable(s)
+    if not bad.all():
+        late = lag(s)
         if not np.isfinite(m.offset):
-            m.offset = float(np.median(lag[good]))
-        bad |= (lag - m.offset > CLOCK_JUMP * 1e9) | (m.offset - lag > AHEAD * 1e9)
+            m.offset = float(np.median(late[~bad]))
+        bad |= (late - m.offset > CLOCK_JUMP * 1e9) | (m.offset - late > AHEAD * 1e9)
     return bad
 
 
@@ -127,6 +129,7 @@ def screen_fixes(s: Stream, m: Memory, refuse: Refuse) -> None:
     """No fix, too few satellites, null or impossible positions, stale fixes."""
     if "fix" in s.extra:
         refuse(s.extra["fix"] == Fix.NONE.value, Verdict.NO_FIX)
+        refuse(~np.isin(s.extra["fix"], FIX_CODES) & ~np.isnan(s.extra["fix"]), Verdict.UNKNOWN_FIX)
     if "satellites" in s.extra:
         few = s.extra["satellites"]
         refuse((few >= 0) & (few < 4), Verdict.FEW_SATELLITES)
@@ -136,7 +139,7 @@ def screen_fixes(s: Stream, m: Memory, refuse: Refuse) -> None:
     refuse(np.isnan(lat) | np.isnan(lon), Verdict.NOT_FINITE)
     refuse((np.abs(lat) < 1e-7) & (np.abs(lon) < 1e-7), Verdict.NULL_POSITION)
     refuse((np.abs(lat) > np.pi / 2) | (np.abs(lon) > 2 * np.pi) | (np.abs(alt) > 1e5), Verdict.IMPLAUSIBLE)
-    refuse((s.t_arrival - s.t) - m.offset > STALE_AFTER * 1e9, Verdict.STALE)
+    refuse(lag(s) - m.offset > STALE_AFTER * 1e9, Verdict.STALE)
 
 
 def repeats(s: Stream, m: Memory, refuse: Refuse, motion: Ints | None) -> None:

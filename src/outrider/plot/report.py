@@ -19,7 +19,7 @@ from outrider.plot.health import health_figure
 from outrider.plot.innovations import GATE_TAIL, innovation_figure
 from outrider.plot.maps import aligned_at_start, ellipse_rows, map_figure, odom_figure, run_colours
 from outrider.plot.motion import motion_figure, sigma_figure, slow_figure
-from outrider.plot.series import distance, radius_95
+from outrider.plot.series import radius_95
 from outrider.plot.style import DARK, css_name, to_svg
 
 _NO_LOCAL = "There is no local estimate: it needs wheels or another source of body velocity, and a gyro."
@@ -45,7 +45,7 @@ def write_report(run: Run, path: Path, *, reference: Trajectory | None = None, c
         log_name=tables.log_name(run),
         verdict=run.outcome.value,
         tone=tables.tone(run.outcome),
-        facts=[tables.span(tables.duration(run)), tables.number(distance(run.fused.pose), "m")],
+        facts=[tables.span(run.duration), tables.number(run.fused.pose.length, "m")],
         findings=tables.sorted_findings(run),
         cards=tables.cards(run, reference),
         colours={name: f"var({css_name(colour)})" for name, colour in run_colours(run).items()},
@@ -146,7 +146,7 @@ def _drift(run: Run) -> str:
         return ""
     end = aligned_at_start(run.fused.pose, run.local.pose)[-1, :2]
     apart = float(np.linalg.norm(run.local.pose.p[-1, :2] - end))
-    way = distance(run.local.pose)
+    way = run.local.pose.length
     share = f" ({tables.number(100 * apart / way, '%', 2)} of {tables.number(way, 'm')})" if way > 0 else ""
     return f"Set on one start, the local and the fused track end {tables.number(apart, 'm')} apart{share}."
 

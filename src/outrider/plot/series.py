@@ -59,12 +59,6 @@ def speed(estimates: Estimates) -> tuple[Floats, Floats]:
     return value, np.max(estimates.sd[:, blocks[0].error][:, :2], axis=1)
 
 
-def distance(pose: Trajectory) -> float:
-    """Path length [m] over the finite positions."""
-    p = pose.p[np.isfinite(pose.p).all(axis=1)]
-    return float(np.linalg.norm(np.diff(p, axis=0), axis=1).sum())
-
-
 def spans(t: Floats, flag: Bools) -> list[tuple[float, float]]:
     """Times over which a flag holds, each as (begin, end); spans closer than a thousandth of the whole are joined."""
     if not t.size or not flag.any():

@@ -11,7 +11,7 @@ import numpy as np
 
 from outrider.data import REASONS, Account, Finding, Outcome, Reset, Run, SensorState, Trajectory, Verdict
 from outrider.eval import associate, heading_errors, position_errors, statistics
-from outrider.plot.series import distance, radius_95, seconds, yaw_sd
+from outrider.plot.series import radius_95, seconds, yaw_sd
 
 NONE = "–"
 _CONTRIBUTES = (Verdict.USED, Verdict.INPUT, Verdict.RESET)
@@ -69,15 +69,9 @@ def log_name(run: Run) -> str:
     return PurePath(run.log_path.rstrip("/\\")).name or run.log_path or "unnamed log"
 
 
-def duration(run: Run) -> float:
-    """Seconds from the first to the last estimate."""
-    t = run.fused.t
-    return float(t[-1] - t[0]) * 1e-9 if t.size else 0.0
-
-
 def tone(outcome: Outcome) -> str:
     """How to colour the verdict."""
-    return {Outcome.OK: "good", Outcome.DEGRADED: "warning"}.get(outcome, "error")
+    return {Outcome.OK: "good", Outcome.DEGRADED: "warning", Outcome.PARTLY_VALID: "warning"}.get(outcome, "error")
 
 
 def sorted_findings(run: Run) -> list[Finding]:
@@ -93,7 +87,7 @@ def cards(run: Run, reference: Trajectory | None) -> list[Card]:
 
 def _travel(run: Run) -> list[Card]:
     pose = run.fused.pose
-    length, lasted = distance(pose), duration(run)
+    length, lasted = pose.length, run.duration
     mean = length / lasted if lasted > 0 else math.nan
     delay = float(seconds(run.fused.t[:1], run.start)[0]) if run.fused.t.size else math.nan
     out = [
@@ -139,7 +133,7 @@ def _certainty(run: Run) -> list[Card]:
             )
         )
     if run.fused.valid.shape[0]:
-        share = [100.0 * float(np.mean(run.fused.valid[:, k] != 0)) for k in (0, 2)]
+        share = [100.0 * run.valid_shares[k] for k in (0, 2)]
         out.append(Card("position valid", number(share[0], "%"), f"heading valid {number(share[1], '%')} of the time"))
     return out
 
@@ -155,7 +149,8 @@ def _records(run: Run) -> list[Card]:
 
 
 def _pace(run: Run) -> str:
-    return f"{number(duration(run) / run.wall_seconds)} × real time" if duration(run) > 0 else ""
+    compiled = f", plus {span(run.compile_seconds)} compiling" if run.compile_seconds > 0 else ""
+    return f"{number(run.duration / run.wall_seconds)} × real time{compiled}" if run.duration > 0 else ""
 
 
 def _errors(run: Run, reference: Trajectory) -> list[Card]:

@@ -10,10 +10,12 @@ import numpy as np
 from outrider.data import Datum, EventLog, Fix, Kind, Stream, Verdict
 from outrider.errors import ConfigError, DataError
 from outrider.filters.channels import site_position
-from outrider.filters.screen import motion_stamps, screen, stuck, turn_rate
+from outrider.filters.screen import FIX_CODES, Memory, bad_stamps, motion_stamps, screen, stuck, turn_rate
+from outrider.filters.stamps import astray, usual_lags
 from outrider.models.motion import Motion
-from outrider.typing import Ints
+from outrider.typing import Bools, Ints
 from outrider.workflows.assembly import assemble
+from outrider.workflows.clocks import note_stamps
 from outrider.workflows.config import FuseConfig
 from outrider.workflows.draft import Draft, Plan
 from outrider.workflows.rules import RULES, unused
@@ -30,11 +32,10 @@ def plan(log: EventLog, cfg: FuseConfig) -> Plan:
     """
     check_names(log, cfg)
     check_sense(cfg)
-    log = replace(log, streams={s.name: delayed(s, cfg) for s in log})
-    moving = motion_stamps(log)
-    verdicts = {s.name: screen(s, motion=moving) for s in log}
-    refuse_stuck_wheels(log, verdicts)
-    d = Draft(log, cfg, choose_motion(log, cfg), find_datum(log, cfg, verdicts), verdicts)
+    log = replace(log, streams={s.name: stated_fixes(delayed(s, cfg)) for s in log})
+    verdicts = screened(log)
+    log = replace(log, streams={s.name: known_fixes(s) for s in log})
+    d = Draft(log, cfg, choose_motion(log, cfg, verdicts), find_datum(log, cfg, verdicts), verdicts)
     for s in sorted(log, key=lambda s: (s.kind is not Kind.IMU, s.name)):
         if d.section(s).use == "ignore":
             d.skip(s, "switched off in the configuration")
@@ -44,8 +45,20 @@ def plan(log: EventLog, cfg: FuseConfig) -> Plan:
             d.skip(s, "no usable record")
         else:
             RULES[d.motion].get(s.kind, unused)(d, s)
+    note_stamps(d)
     check_draft(d)
     return assemble(d)
+
+
+def screened(log: EventLog) -> dict[str, Ints]:
+    """The verdict of every record by stream, as far as the records themselves tell it."""
+    lags = usual_lags(log)
+    memories = {s.name: Memory(offset=lags.get(s.name, float("nan"))) for s in log}
+    stray = astray(log, {s.name: bad_stamps(s, memories[s.name]) for s in log})
+    moving = motion_stamps(log)
+    verdicts = {s.name: screen(s, memories[s.name], moving, stray[s.name]) for s in log}
+    refuse_stuck_wheels(log, verdicts)
+    return verdicts
 
 
 def check_names(log: EventLog, cfg: FuseConfig) -> None:
@@ -111,16 +124,31 @@ def delayed(s: Stream, cfg: FuseConfig) -> Stream:
     return replace(s, t=s.t - round(delay * 1e9)) if delay else s
 
 
-def choose_motion(log: EventLog, cfg: FuseConfig) -> Motion:
-    """Process model by what the vehicle carries."""
+def stated_fixes(s: Stream) -> Stream:
+    """The stream with a fix type that a record leaves out as unknown."""
+    return with_fixes(s, np.isnan(s.extra["fix"]), Fix.UNKNOWN) if "fix" in s.extra else s
+
+
+def known_fixes(s: Stream) -> Stream:
+    """The stream with unheard-of fix types as none, so that a channel takes and counts those records."""
+    return with_fixes(s, ~np.isin(s.extra["fix"], FIX_CODES), Fix.NONE) if "fix" in s.extra else s
+
+
+def with_fixes(s: Stream, rows: Bools, fix: Fix) -> Stream:
+    """The stream with another fix type in some rows."""
+    return replace(s, extra={**s.extra, "fix": np.where(rows, fix.value, s.extra["fix"])}) if rows.any() else s
+
+
+def choose_motion(log: EventLog, cfg: FuseConfig, verdicts: Mapping[str, Ints]) -> Motion:
+    """Process model by what the vehicle carries, as far as it works."""
     if cfg.preset == "robot_localization":
         return Motion.OMNIDIRECTIONAL
     if cfg.preset == "amr2025":
         return Motion.PLANAR
     if cfg.motion != "auto":
         return Motion[cfg.motion.upper()]
-    live = [s for s in log if len(s) and (s.name not in cfg.sources or cfg.sources[s.name].use != "ignore")]
-    kinds = {s.kind for s in live}
+    works = [s for s in log if (verdicts[s.name] == Verdict.USED).any()]
+    kinds = {s.kind for s in works if s.name not in cfg.sources or cfg.sources[s.name].use != "ignore"}
     if kinds & WHEELED:
         return Motion.PLANAR
     if Kind.IMU in kinds:

@@ -5,10 +5,12 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
+from typing import Final
 
 import numpy as np
 
 from outrider import __version__
+from outrider._kernel import compiling
 from outrider.data import (
     Datum,
     EventLog,
@@ -24,10 +26,12 @@ from outrider.data import (
     empty_estimates,
     stream,
 )
+from outrider.data.run import SILENCE
 from outrider.errors import DataError
 from outrider.filters.align import Alignment, align
 from outrider.filters.channels import Records, records, site_position
 from outrider.filters.engine import Events, Filter, Queue, Track, queue, run_batch
+from outrider.models.motion import Motion
 from outrider.typing import Floats
 from outrider.workflows.collect import Collector, accounts
 from outrider.workflows.config import FuseConfig
@@ -35,6 +39,7 @@ from outrider.workflows.discover import Plan, plan
 from outrider.workflows.findings import judge
 
 Progress = Callable[[str, float], None]
+THROUGHOUT: Final = 0.99  # share of the time; a second or two go by before a heading shows
 
 
 def fuse(log: EventLog, config: FuseConfig | None = None, *, progress: Progress | None = None) -> Run:
@@ -52,16 +57,27 @@ def fuse(log: EventLog, config: FuseConfig | None = None, *, progress: Progress 
     ConfigError   the configuration names what the log does not have, or contradicts itself
     """
     began = time.perf_counter()
-    cfg = config if config is not None else FuseConfig()
+    with compiling() as compiled:
+        run = estimate(log, config if config is not None else FuseConfig(), progress)
+    took = compiled()
+    return replace(run, wall_seconds=time.perf_counter() - began - took, compile_seconds=took)
+
+
+def estimate(log: EventLog, cfg: FuseConfig, progress: Progress | None) -> Run:
+    """The job itself, see `fuse`."""
     chosen = plan(log, cfg)
     start = first_stamp(chosen)
-    q = queue(channel_records(chosen, chosen.whole, cfg, start), start, cfg.history_s)
-    aligned = align(chosen.whole, q, chosen.spread)
-    if aligned is None:
-        raise DataError("no usable record", where=log.path, fix="`outrider sources` tells why each was refused")
-    aligned = trusted_start(aligned, cfg)
+    everything = channel_records(chosen, chosen.whole, cfg, start)
     whole = Collector(chosen.whole, start)
-    forward(chosen.whole, aligned, q, whole, cfg, progress, "fusing")
+    starts: list[Alignment] = []
+    for parts in sessions(everything, chosen.whole):
+        q = queue(parts, start, cfg.history_s)
+        aligned = align(chosen.whole, q, chosen.spread)
+        if aligned is None:
+            raise DataError("no usable record", where=log.path, fix="`outrider sources` tells why each was refused")
+        starts.append(trusted_start(aligned, cfg))
+        forward(chosen.whole, starts[-1], q, whole, cfg, progress, "fusing")
+    aligned = starts[0]
     local = run_local(chosen, cfg, start, progress)
     estimates = whole.estimates(chosen.datum)
     run = Run(
@@ -76,7 +92,7 @@ def fuse(log: EventLog, config: FuseConfig | None = None, *, progress: Progress 
         fused=estimates if len(estimates.pose) else empty_estimates(chosen.whole.layout),
         local=local.estimates() if local is not None else None,
         innovations=whole.innovations(),
-        accounts=accounts(chosen.whole, whole, q.parts, chosen.log.streams, chosen.roles),
+        accounts=accounts(chosen.whole, whole, tuple(everything), chosen.log.streams, chosen.roles),
         findings=(),
         resets=deliberate_jumps(whole, chosen.whole, start),
         tracks=tracks(chosen),
@@ -85,7 +101,6 @@ def fuse(log: EventLog, config: FuseConfig | None = None, *, progress: Progress 
             for c, t in zip(chosen.whole.channels, whole.tallies, strict=True)
             if t.states
         },
-        wall_seconds=time.perf_counter() - began,
     )
     findings = (*judge(run, chosen, aligned), *log_notes(log))
     return replace(run, findings=findings, outcome=outcome(run, findings, aligned, chosen))
@@ -115,6 +130,25 @@ def channel_records(chosen: Plan, f: Filter, cfg: FuseConfig, start: int) -> lis
         part.flag[held & (part.flag == Verdict.USED)] = Verdict.WITHHELD
         out.append(part)
     return out
+
+
+def sessions(parts: list[Records], f: Filter) -> list[list[Records]]:
+    """The records, parted where nothing usable came for `SILENCE`: nobody knows where a robot has been meanwhile.
+
+    Only before a part that tells its own position; without one the old estimate is better than none.
+    """
+    stamps = np.sort(np.concatenate([p.t[p.flag <= Verdict.WITHHELD] for p in parts]))
+    begins = stamps[1:][np.diff(stamps) > SILENCE * 1e9]
+    ends = np.append(begins, np.iinfo(np.int64).max)[1:]
+
+    def placed(begin: int, end: int) -> bool:
+        sources = (p for p, c in zip(parts, f.channels, strict=True) if c.reset[1] and not c.scored)
+        return any(((p.flag == Verdict.USED) & (p.t >= begin) & (p.t < end)).any() for p in sources)
+
+    cuts = [b for b, e in zip(begins, ends, strict=True) if placed(b, e)]
+    if not cuts:
+        return [parts]
+    return [[p.select(np.searchsorted(cuts, p.t, side="right") == k) for p in parts] for k in range(len(cuts) + 1)]
 
 
 def trusted_start(a: Alignment, cfg: FuseConfig) -> Alignment:
@@ -221,7 +255,17 @@ def outcome(run: Run, findings: tuple[Finding, ...], aligned: Alignment, chosen:
         return Outcome.DIVERGED
     if chosen.datum is not None and not aligned.heading_known and "heading-unobservable" in {f.code for f in findings}:
         return Outcome.NEVER_ALIGNED
-    return Outcome.DEGRADED if any(f.severity != "info" for f in findings) else Outcome.OK
+    if any(f.code == "not-credible" for f in findings):
+        return Outcome.NOT_CREDIBLE
+    if any(f.severity != "info" for f in findings):
+        return Outcome.DEGRADED
+    return Outcome.OK if throughout(run, chosen) else Outcome.PARTLY_VALID
+
+
+def throughout(run: Run, chosen: Plan) -> bool:
+    """Whether position and heading, as far as there is one, are valid nearly all the time."""
+    position, _, heading = run.valid_shares
+    return position >= THROUGHOUT and (chosen.whole.motion is Motion.FOLLOWER or heading >= THROUGHOUT)
 
 
 def versions() -> dict[str, str]:

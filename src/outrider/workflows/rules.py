@@ -133,7 +133,8 @@ def mag(d: Draft, s: Stream) -> None:
     """Compass heading, turned to true north by the world magnetic model."""
     angle = 0.0
     if d.datum is not None:
-        when = int(s.t[0]) if s.t[0] > DATED else UNDATED_YEAR
+        first = int(d.passed(s.name).t[0])
+        when = first if first > DATED else UNDATED_YEAR
         angle = declination(d.datum.lat, d.datum.lon, d.datum.alt, when)
     ground = d.motion is Motion.PLANAR
     role = "scored: magnetic headings near the ground are not believed" if ground else "fused"

@@ -9,9 +9,8 @@ from scipy.special import chdtri
 from outrider.data import Account, Estimates, Innovations, Outcome, Reset, Run, Verdict
 from outrider.errors import ExitCode
 from outrider.io.runs import SCHEMA
-from outrider.typing import Floats
 
-GOOD = (Outcome.OK, Outcome.DEGRADED)
+GOOD = (Outcome.OK, Outcome.DEGRADED, Outcome.PARTLY_VALID)
 CONTRIBUTES = (Verdict.USED, Verdict.INPUT, Verdict.RESET, Verdict.WITHHELD)
 
 
@@ -25,6 +24,7 @@ def summarise(run: Run) -> dict[str, Any]:
         "seed": run.seed,
         "versions": dict(run.versions),
         "wall_s": run.wall_seconds,
+        "compile_s": run.compile_seconds,
         "datum": _datum(run),
         "figures": figures(run),
         "scored": _all_scored(run),
@@ -59,15 +59,16 @@ def figures(run: Run) -> dict[str, Any]:
     if not len(fused.pose):
         return {}
     p, yaw = fused.pose.p, np.degrees(fused.pose.yaw)
-    lasted = float(fused.t[-1] - fused.t[0]) * 1e-9
+    lasted = run.duration
     return {
         "estimates": int(fused.t.size),
         "first_s": float(fused.t[0] - run.start) * 1e-9,
         "duration_s": lasted,
-        "distance_m": _distance(p),
+        "silence_s": float(run.silences[:, 1].sum()),
+        "distance_m": fused.pose.length,
         "end": {"east_m": p[-1, 0], "north_m": p[-1, 1], "up_m": p[-1, 2], "heading_deg": yaw[-1]},
         "deviation": _deviation(fused),
-        "valid_share": dict(zip(("position", "velocity", "heading"), _shares(fused), strict=True)),
+        "valid_share": dict(zip(("position", "velocity", "heading"), run.valid_shares, strict=True)),
         "times_real_time": lasted / run.wall_seconds if run.wall_seconds > 0 else None,
     }
 
@@ -100,11 +101,6 @@ def _all_scored(run: Run) -> dict[str, Any]:
     return {name: scores for name, scores in every.items() if scores}
 
 
-def _distance(p: Floats) -> float:
-    known = p[np.isfinite(p).all(axis=1)]
-    return float(np.linalg.norm(np.diff(known, axis=0), axis=1).sum())
-
-
 def _deviation(fused: Estimates) -> dict[str, Any]:
     """Horizontal (larger axis) and vertical standard deviation [m], heading [deg], at the end and in the median."""
     P = fused.pose.P
@@ -118,10 +114,6 @@ def _deviation(fused: Estimates) -> dict[str, Any]:
     }
     known = {name: s for name, s in series.items() if s.any()}  # zeros throughout: not estimated
     return {name: {"end": float(s[-1]), "median": float(np.nanmedian(s))} for name, s in known.items()}
-
-
-def _shares(fused: Estimates) -> list[float]:
-    return [float(np.mean(column != 0)) for column in fused.valid.T]
 
 
 def _datum(run: Run) -> dict[str, Any] | None:

@@ -9,12 +9,13 @@ from outrider.data import Finding, Run
 from outrider.filters.align import Alignment
 from outrider.workflows.draft import Plan
 from outrider.workflows.findings.agreement import confidence, heading_conflicts, outages, refusals, silence
+from outrider.workflows.findings.credibility import credible, silences
 from outrider.workflows.findings.records import clocks, gravity_and_mounts, unit_of_force, unit_of_rates, unstated_noise
 from outrider.workflows.findings.result import alignment, divergence, preset, reliance, resets, wheel_scale
 
 QUESTIONS: Final = (
-    alignment, reliance, preset, heading_conflicts, gravity_and_mounts, unit_of_force, unit_of_rates, silence, outages,
-    confidence, wheel_scale, resets, refusals, unstated_noise, clocks, divergence,
+    credible, silences, alignment, reliance, preset, heading_conflicts, gravity_and_mounts, unit_of_force,
+    unit_of_rates, silence, outages, confidence, wheel_scale, resets, refusals, unstated_noise, clocks, divergence,
 )  # fmt: skip
 ORDER: Final = {"error": 0, "warning": 1, "info": 2}
 

@@ -10,6 +10,7 @@ from outrider.filters.align import HEADINGS, Alignment
 from outrider.filters.channels import Channel
 from outrider.models.sensors import Sensor
 from outrider.typing import Floats
+from outrider.workflows.clocks import WRONG_STAMPS
 from outrider.workflows.draft import Plan
 from outrider.workflows.findings.say import any_absolute, error, info, warning
 
@@ -27,7 +28,6 @@ ORDINARY: Final = frozenset({
 REMEDIES: Final = {
     Verdict.LATE: "raise `history_s` above the delay with which they arrive",
     Verdict.GATED: "look at its innovations in the report; `scale` makes it count less",
-    Verdict.BAD_STAMP: "mend the clock that stamps it",
     Verdict.FROZEN: "its driver sends the last value again: restart or mend it",
 }
 
@@ -148,7 +148,7 @@ def refusals(run: Run, chosen: Plan, aligned: Alignment) -> list[Finding]:
     """Sources that lost a notable share of their records, with the main reason."""
     out: list[Finding] = []
     for a in run.accounts:
-        lost = {v: c for v, c in a.by_verdict.items() if v not in ORDINARY}
+        lost = {v: c for v, c in a.by_verdict.items() if v not in ORDINARY and v not in WRONG_STAMPS}
         total = sum(a.by_verdict.values())
         if total and sum(lost.values()) > max(REFUSED * total, 2) and a.role.startswith("fused"):
             worst = max(lost, key=lambda v: lost[v])

@@ -9,6 +9,7 @@ from outrider.filters.align import Alignment
 from outrider.filters.channels import Channel
 from outrider.models.sensors import Sensor
 from outrider.typing import Floats
+from outrider.workflows.clocks import WRONG_STAMPS
 from outrider.workflows.draft import Plan
 from outrider.workflows.findings.say import error, info, warning
 
@@ -120,7 +121,8 @@ def states_noise(s: Stream) -> bool:
 def clocks(run: Run, chosen: Plan, aligned: Alignment) -> list[Finding]:
     """Stamps that run backwards or lag behind their arrival."""
     out: list[Finding] = []
-    for s in chosen.log:
+    for source in chosen.log:
+        s = source.select(~np.isin(chosen.verdicts[source.name], WRONG_STAMPS))  # those have a line of their own
         if len(s) < 3:
             continue
         backwards = int((np.diff(s.t) < 0).sum())

@@ -38,11 +38,11 @@ def reliance(run: Run, chosen: Plan, aligned: Alignment) -> list[Finding]:
             info("no-position", "nothing here tells where it is: the site frame begins at the start, and drifts")
         )
     t, valid = run.fused.t, run.fused.valid[:, 0] > 0
-    lost = np.diff(t, append=t[-1:])[~valid].sum() * 1e-9
+    lost = (1.0 - run.valid_shares[0]) * run.duration
     if lost < INVALID:
         return out
-    begin = (t[int(np.argmin(valid))] - run.start) * 1e-9
-    text = f"the position is not valid for {lost:.0f} s of {(t[-1] - t[0]) * 1e-9:.0f} s, first from t = {begin:.0f} s"
+    begin = 0.0 if valid.all() or t[0] - run.start > INVALID * 1e9 else (t[int(np.argmin(valid))] - run.start) * 1e-9
+    text = f"the position is not valid for {lost:.0f} s of {run.duration:.0f} s, first from t = {begin:.0f} s"
     say = info if valid[-1] else warning
     return [*out, say("position-invalid", text, fix="its covariance still bounds it; the report shows when")]
 
