@@ -1,5 +1,6 @@
 """What a run says about its data: each statement provoked once, and silent otherwise."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,7 @@ from scoring import codes, errors, first, only, rms, said
 from outrider.core.rotations import quats_exp, quats_multiply
 from outrider.data import EventLog, Fix, Verdict
 from outrider.sim import drone_log, wheeled_log
-from outrider.sim.faults import freeze, jump, outage, turn_heading
+from outrider.sim.faults import degrade, freeze, jump, outage, turn_heading, within
 from outrider.workflows.config import FuseConfig, MountSection, SourceSection
 from outrider.workflows.findings.agreement import circular, convention
 from outrider.workflows.fuse import fuse
@@ -119,12 +120,63 @@ def test_an_outage_and_when_the_position_is_not_valid():
 
 @needs_speed
 def test_refusals_give_their_reason():
-    run = fuse(jump(LOG, "gnss", 10.0, 14.0, (20.0, 0.0, 0.0)))
-    assert "gated" in said(run, "refused").text
-    assert not run.resets
     frozen = fuse(freeze(LOG, "wheels", 10.0, 20.0))
     assert "frozen" in said(frozen, "refused").text
     assert rms(errors(frozen, TRUTH).horizontal()) < 0.1
+
+
+@needs_speed
+@pytest.mark.parametrize(("start", "end", "metres"), [(10.0, 14.0, (16.0, -12.0, 5.0)), (20.0, 21.5, (0.0, 3.0, 0.0))])
+def test_a_jump_is_named_with_its_time_and_size(start: float, end: float, metres: tuple[float, float, float]):
+    run = fuse(jump(LOG, "gnss", start, end, metres))
+    text = said(run, "jump").text
+    size = float(re.findall(r"jump of ([\d.]+) m", text)[0])
+    begin, until = map(float, re.findall(r"from t = ([\d.]+) to ([\d.]+) s", text)[0])
+    assert size == pytest.approx(np.hypot(*metres[:2]), abs=0.3)
+    assert (begin, until) == pytest.approx((start, end), abs=0.25)  # a fix every 0.2 s
+    of = next(a for a in run.accounts if a.source == "gnss")
+    assert f"{of.by_verdict[Verdict.GATED]} records gated" in text
+    assert "went on without them" in text
+    assert "refused" not in codes(run) and not run.resets
+
+
+@needs_speed
+def test_scattered_outliers_are_refusals_not_jumps():
+    s = LOG.streams["gnss"]
+    z = s.z.copy()
+    z[::8, 0] += 1e-5  # 60 m north
+    run = fuse(LOG.with_streams(replace(s, z=z)))
+    assert "gated" in said(run, "refused").text
+    assert "jump" not in codes(run)
+
+
+@needs_speed
+def test_wheels_that_slip_disagree():
+    s = LOG.streams["wheels"]
+    slips = within(LOG, "wheels", 15.0, 18.0)
+    z = s.z.copy()
+    z[slips, 0] += 3.0
+    text = said(fuse(LOG.with_streams(replace(s, z=z))), "jump").text
+    assert re.match(r"wheels: disagreement of [23]\.?\d* m/s \(\+[23]\.\d v_x, .* from t = 15\.\d to 1[78]\.\d s", text)
+
+
+@needs_speed
+@pytest.mark.parametrize("told", [0.1, 1.0])
+def test_float_fixes_that_claim_centimetres_are_found_out(told: float):
+    run = fuse(degrade(LOG, "gnss", 10.0, 20.0, Fix.FLOAT, 0.5, np.random.default_rng(1), told))
+    if told == 1.0:
+        assert "overconfident" not in codes(run)
+        return
+    text = said(run, "overconfident").text
+    claim, off, times, begin, end = map(
+        float,
+        re.findall(r"claims ([\d.]+) m but is off by ([\d.]+) m, (\d+) .* float, t = ([\d.]+) to ([\d.]+) s", text)[0],
+    )
+    assert claim == 0.05
+    assert off == pytest.approx(0.5 / np.sqrt(2), rel=0.25)  # half of the error is white, the slow half stays unseen
+    assert times == round(off / claim)
+    assert (begin, end) == pytest.approx((10.0, 20.0), abs=0.25)
+    assert "50 records, counted as 0.5 m" in text
 
 
 @needs_speed

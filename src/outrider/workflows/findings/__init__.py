@@ -12,10 +12,12 @@ from outrider.workflows.findings.agreement import confidence, heading_conflicts,
 from outrider.workflows.findings.credibility import credible, silences
 from outrider.workflows.findings.records import clocks, gravity_and_mounts, unit_of_force, unit_of_rates, unstated_noise
 from outrider.workflows.findings.result import alignment, divergence, preset, reliance, resets, wheel_scale
+from outrider.workflows.findings.stretches import jumps
 
 QUESTIONS: Final = (
     credible, silences, alignment, reliance, preset, heading_conflicts, gravity_and_mounts, unit_of_force,
-    unit_of_rates, silence, outages, confidence, wheel_scale, resets, refusals, unstated_noise, clocks, divergence,
+    unit_of_rates, silence, jumps, outages, confidence, wheel_scale, resets, refusals, unstated_noise, clocks,
+    divergence,
 )  # fmt: skip
 ORDER: Final = {"error": 0, "warning": 1, "info": 2}
 

@@ -13,6 +13,7 @@ from outrider.typing import Floats
 from outrider.workflows.clocks import WRONG_STAMPS
 from outrider.workflows.draft import Plan
 from outrider.workflows.findings.say import any_absolute, error, info, warning
+from outrider.workflows.findings.stretches import LOOK, in_order, jump_rows, overclaimed
 
 CONFLICT: Final = np.radians(10.0)  # mean difference of headings worth a line
 SCATTER: Final = np.radians(20.0)  # scatter of the same
@@ -27,7 +28,7 @@ ORDINARY: Final = frozenset({
 })  # fmt: skip
 REMEDIES: Final = {
     Verdict.LATE: "raise `history_s` above the delay with which they arrive",
-    Verdict.GATED: "look at its innovations in the report; `scale` makes it count less",
+    Verdict.GATED: LOOK,
     Verdict.FROZEN: "its driver sends the last value again: restart or mend it",
 }
 
@@ -135,8 +136,10 @@ def confidence(run: Run, chosen: Plan, aligned: Alignment) -> list[Finding]:
         judged = np.isin(innovations.verdict, [Verdict.USED, Verdict.GATED, Verdict.RESET])
         if judged.sum() < 3 * ENOUGH:
             continue
+        claims = overclaimed(run, chosen, channel)
+        out += claims
         ratio = float(np.median(innovations.nis[judged] / innovations.dof[judged]))
-        if ratio > OVERCONFIDENT:
+        if ratio > OVERCONFIDENT and not claims:
             times = f"{np.sqrt(ratio / HALF):.1f}"
             text = f"{channel.name} scatters about {times} times more than its stated noise"
             fix = f"sources: {{{channel.stream}: {{scale: {times}}}}}"
@@ -150,7 +153,8 @@ def refusals(run: Run, chosen: Plan, aligned: Alignment) -> list[Finding]:
     for a in run.accounts:
         lost = {v: c for v, c in a.by_verdict.items() if v not in ORDINARY and v not in WRONG_STAMPS}
         total = sum(a.by_verdict.values())
-        if total and sum(lost.values()) > max(REFUSED * total, 2) and a.role.startswith("fused"):
+        jumped = refused_in_jumps(run, a.source)
+        if total and sum(lost.values()) > max(REFUSED * total, 2, 2 * jumped) and a.role.startswith("fused"):
             worst = max(lost, key=lambda v: lost[v])
             why = worst.name.lower().replace("_", " ")
             text = f"{a.source}: {sum(lost.values())} of {total} records refused, mostly because: {why} ({lost[worst]})"
@@ -159,3 +163,11 @@ def refusals(run: Run, chosen: Plan, aligned: Alignment) -> list[Finding]:
         if a.state is SensorState.FAULTED:
             out.append(warning("faulted", f"{a.source} ended in the faulted state", a.source))
     return out
+
+
+def refused_in_jumps(run: Run, source: str) -> int:
+    """How many of a source's refused records another finding has named already."""
+    if source not in run.innovations:
+        return 0
+    of = in_order(run.innovations[source])
+    return sum(b - a + 1 for a, b in jump_rows(of))
