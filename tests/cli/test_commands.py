@@ -19,8 +19,8 @@ from outrider.io.record import write_recording
 from outrider.io.runs import read_fused, read_summary
 
 WRITTEN = {
-    "report.html", "fused.tum", "local.tum", "estimates.parquet", "track.geojson", "run.mcap", "config.yaml",
-    "summary.json",
+    "report.html", "fused.tum", "local.tum", "estimates.parquet", "innovations.parquet", "track.geojson", "run.mcap",
+    "config.yaml", "summary.json",
 }  # fmt: skip
 
 

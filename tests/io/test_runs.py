@@ -24,7 +24,16 @@ from outrider.io.runs import (
 
 T0 = 1_700_000_000_000_000_000
 LAYOUT = StateLayout(("position", 3, "m"), ("attitude", Manifold.ROTATION, "rad"))
-ALL = ["config.yaml", "estimates.parquet", "fused.tum", "local.tum", "run.mcap", "summary.json", "track.geojson"]
+ALL = [
+    "config.yaml",
+    "estimates.parquet",
+    "fused.tum",
+    "innovations.parquet",
+    "local.tum",
+    "run.mcap",
+    "summary.json",
+    "track.geojson",
+]
 
 
 def small_run(n: int = 5) -> Run:

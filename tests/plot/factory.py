@@ -152,7 +152,14 @@ def full_run(n: int = 3000, lasts: float = 300.0) -> Run:
         accounts=(
             account("gnss/fix", "GNSS", 300, SensorState.HEALTHY, malformed=2, received=302),
             account(
-                "imu/data", "IMU", 30000, SensorState.HEALTHY, used=0, by_verdict={Verdict.INPUT: 30000}, nis=np.nan
+                "imu/data",
+                "IMU",
+                30000,
+                SensorState.HEALTHY,
+                used=30000,
+                by_verdict={Verdict.INPUT: 30000},
+                nis=np.nan,
+                role="fused: drives the prediction",
             ),
             account(
                 "imu/yaw",

@@ -10,11 +10,13 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from outrider.data import SensorState, Trajectory
+from outrider.data import SensorState, Trajectory, Verdict
 from outrider.plot import compare_figures, series
 from outrider.plot.compare import error_figure
-from outrider.plot.health import state_bars
-from outrider.plot.maps import aligned_at_start, ellipse_rows, ellipses, map_figure, odom_figure
+from outrider.plot.health import silent_bars, state_bars
+from outrider.plot.maps import map_figure, odom_figure
+from outrider.plot.motion import motion_figure
+from outrider.plot.shapes import aligned_at_start, ellipse_rows, ellipses, shown_ellipses
 from outrider.plot.tables import count, fixed, gate_tail, number, outline, span
 
 
@@ -161,3 +163,72 @@ def test_configuration_as_text() -> None:
     config = {"a": 1, "b": {"c": None, "d": [1.0, 2.0], "e": {}}, "f": [{"g": True}, {"h": "x"}]}
     expected = "a: 1\nb:\n  c: not set\n  d: [1.0, 2.0]\n  e: {}\nf:\n  - g: yes\n  - h: x\n"
     assert outline(config) == expected
+
+
+def test_ellipses_that_would_cover_the_map_are_left_out() -> None:
+    pose = factory.trajectory(np.linspace(0, 300, 400))
+    assert shown_ellipses(pose).size == ellipse_rows(pose.p).size
+    drifting = replace(pose, P=pose.P * np.linspace(1.0, 1e4, 400)[:, None, None])
+    few = shown_ellipses(drifting)
+    extent = np.ptp(pose.p[:, :2], axis=0).max()
+    assert 0 < few.size < ellipse_rows(pose.p).size
+    assert series.radius_95(drifting, few).max() <= 0.25 * extent
+    hovering = replace(pose, p=pose.p * 1e-3)
+    assert shown_ellipses(hovering).size == 0
+    axes = map_figure(replace(factory.full_run(400), fused=factory.estimates(hovering), tracks={}, local=None)).axes[0]
+    assert np.ptp(axes.get_xlim()) < 3.0 and not axes.collections  # no sheet of colour over a robot at rest
+
+
+def test_tracks_are_laid_where_the_heading_has_settled() -> None:
+    t = np.linspace(0, 300, 400)
+    truth, local = factory.trajectory(t, seed=0), factory.trajectory(t, turn=1.1, seed=0)
+    wrong = factory.trajectory(t, turn=0.6, seed=0).q  # until it is known, by a third of a right angle
+    P = truth.P.copy()
+    P[:40, 5, 5] = 0.4**2
+    fused = replace(truth, q=np.where(np.arange(400)[:, None] < 40, wrong, truth.q), P=P)
+    assert np.abs(aligned_at_start(local, fused) - truth.p).max() < 0.3
+
+
+def test_gated_fixes_stand_on_the_map() -> None:
+    run = factory.full_run(200)
+    fixes = replace(run.innovations["gnss/fix"], columns=("east", "north"))
+    gated = int((fixes.verdict == Verdict.GATED).sum())
+    (cross,) = [
+        line for line in map_figure(replace(run, innovations={"gnss/fix": fixes})).axes[0].lines
+        if line.get_label() == f"gated ({gated})"
+    ]  # fmt: skip
+    assert len(np.asarray(cross.get_xdata())) == gated > 0
+
+
+def test_local_estimate_has_no_band_and_a_plane_no_height() -> None:
+    run = factory.full_run(200)
+    both = motion_figure(run)
+    alone = motion_figure(replace(run, local=None))
+    assert both is not None and alone is not None
+    assert len(both.axes) == len(alone.axes) == 3
+    assert len(both.axes[0].collections) == len(alone.axes[0].collections)
+    flat = run.fused.pose.P.copy()
+    flat[:, 2, :] = flat[:, :, 2] = 0.0
+    planar = replace(run.fused.pose, P=flat)
+    reference = replace(run.fused.pose, p=run.fused.pose.p + np.array([0.0, 0.0, 0.6]))
+    figures = motion_figure(replace(run, fused=replace(run.fused, pose=planar))), error_figure(planar, reference)
+    assert all("height" not in ax.get_ylabel() for figure in figures if figure is not None for ax in figure.axes)
+
+
+def test_nothing_bridges_silence() -> None:
+    t = np.array([0.0, 0.2, 0.4, 0.6, 9.0, 9.2])
+    u, y = series.with_gaps(t, np.ones(6))
+    assert u.size == y.size == 7 and np.isnan(y[4])
+    assert series.with_gaps(t[:4], np.ones(4))[1].tolist() == [1.0] * 4
+    assert series.with_gaps(t[:1], np.ones(1))[0].size == 1
+
+
+def test_silence_shows_in_the_health() -> None:
+    run = factory.full_run(200)
+    record = run.innovations["gnss/fix"]
+    quiet = (record.t < factory.T0 + 100 * 10**9) | (record.t > factory.T0 + 160 * 10**9)
+    kept = {name: getattr(record, name)[quiet] for name in ("t", "y", "s", "nis", "dof", "verdict", "z")}
+    bars = silent_bars(replace(run, innovations={"gnss/fix": replace(record, **kept)}), "gnss/fix", 300.0)
+    assert [(round(begin), round(width)) for begin, width, _ in bars] == [(100, 60)]
+    assert silent_bars(run, "gnss/fix", 300.0) == []
+    assert [b[:2] for b in silent_bars(run, "imu/data", 400.0)] == [(300.0, 100.0)]  # it ended before the run

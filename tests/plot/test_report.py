@@ -9,9 +9,9 @@ import factory
 import numpy as np
 import pytest
 
-from outrider.data import Finding, Outcome, Run, Trajectory
+from outrider.data import Finding, Outcome, Run, SensorState, Trajectory, Verdict
 from outrider.plot import write_report
-from outrider.plot.tables import number
+from outrider.plot.tables import number, ratio
 
 SECTIONS = (
     "findings",
@@ -114,6 +114,28 @@ def test_full_report_tells_everything(tmp_path: Path, run: Run) -> None:
     assert parsed.tags.count("svg") == 10  # map, odom, motion, reference, three sources, sigma, biases, health
     assert text.index("heading-conflict") < text.index("gnss-outage") < text.index("clock-ok"), "errors come first"
     assert len(html) < 1_500_000
+
+
+def test_health_stands_beside_what_was_gated(tmp_path: Path, lean: Run) -> None:
+    gnss, scored = lean.accounts[0], lean.accounts[2]
+    fine = factory.innovations(np.linspace(0, 300, 300), ("x", "y"))
+    wild = replace(fine, nis=np.where(fine.verdict == Verdict.GATED, 1e4, fine.nis))
+    run = replace(
+        lean,
+        innovations={"gnss/fix": wild},
+        health={"gnss/fix": np.array([[0.0, 0], [1, 1], [140, 2], [141, 3], [150, 4], [152, 1], [200, 3], [210, 1]])},
+        accounts=(
+            replace(gnss, nis=wild.nis_per_dof()),
+            replace(scored, role="scored: magnetic", state=None, by_verdict={Verdict.WITHHELD: 300}, used=0),
+            replace(gnss, source="gnss/fix (at rest)", received=0, used=0, by_verdict={}, state=SensorState.SILENT),
+        ),
+    )
+    text = " ".join(" ".join(check(run, tmp_path)[0].text).split())
+    assert "faulted 2 times, first at 141.0 s" in text
+    assert f"{ratio(wild.nis_per_dof())} with the gated" in text
+    assert ratio(wild.nis_per_dof(Verdict.USED)) in text
+    assert "compared with the estimate, not fused" in text and "on request" not in text
+    assert "warming" not in text and "at rest" not in text
 
 
 def test_source_keeps_one_colour_through_the_report(tmp_path: Path, run: Run) -> None:

@@ -81,11 +81,12 @@ def _findings(out: Console, findings: Sequence[Mapping[str, str]], *, verbose: b
 
 def _accounts(out: Console, accounts: Sequence[Mapping[str, Any]], *, verbose: bool) -> None:
     """One row per source; why a source is not fused stands below, where there is room for a sentence."""
-    table = _table("source", "kind", "use", ">received", ">used", ">Hz", ">NIS/dof", "state")
+    table = _table("source", "kind", "use", ">received", ">used", ">gated", ">Hz", ">NIS/dof", "state")
     for a in accounts:
         cells = (a["source"], a["kind"].lower().replace("_", " "), a["role"].split(":")[0])
-        counts = (f"{a['received']}", f"{a['used']}", _number(a["rate_hz"]), _number(a["nis_per_dof"]))
-        table.add_row(*(escape(c) for c in cells), *counts, a["state"] if a["used"] else NONE)
+        nis = a["nis_per_dof_fused"] if a["used"] else a["nis_per_dof"]
+        counts = (f"{a['received']}", f"{a['used']}", f"{a['by_verdict'].get('gated', 0)}", _number(a["rate_hz"]))
+        table.add_row(*(escape(c) for c in cells), *counts, _number(nis), _state(a))
     _print_table(out, table)
     for a in accounts:
         use, _, why = a["role"].partition(": ")
@@ -95,16 +96,27 @@ def _accounts(out: Console, accounts: Sequence[Mapping[str, Any]], *, verbose: b
         _refused(out, accounts)
 
 
+def _state(a: Mapping[str, Any]) -> str:
+    """Health at the end, and the worst before it; a source that is not fused has none."""
+    worst = a["trouble"]
+    if a["state"] is None or not a["used"]:
+        return NONE
+    if worst is None:
+        return a["state"]
+    times = f"{worst['times']} times from" if worst["times"] > 1 else "at"
+    return f"{a['state']}, {worst['state']} {times} {worst['first_s']:.0f} s"
+
+
 def _refused(out: Console, accounts: Sequence[Mapping[str, Any]]) -> None:
     """Where the records went that were not used."""
-    from outrider.data import REASONS, Verdict
+    from outrider.data import Verdict, reason
 
     for a in accounts:
         lost = {k: n for k, n in a["by_verdict"].items() if k not in ("used", "input")}
         lost |= {"malformed": a["malformed"]} if a["malformed"] else {}
         for verdict, n in lost.items():
-            reason = REASONS[Verdict[verdict.upper()]] if verdict != "malformed" else "could not be decoded"
-            out.print(Text(f"{a['source']}: {n} {reason}"))
+            why = reason(Verdict[verdict.upper()], a["role"]) if verdict != "malformed" else "could not be decoded"
+            out.print(Text(f"{a['source']}: {n} {why}"))
 
 
 def _scores(out: Console, summary: Mapping[str, Any]) -> None:

@@ -13,13 +13,15 @@ from outrider.data.run import (
     Reset,
     Run,
     SensorState,
+    Trouble,
     Verdict,
     empty_estimates,
+    reason,
 )
 from outrider.data.trajectory import Datum, Trajectory
 
 __all__ = [
     "REASONS", "Account", "Altitude", "Block", "Datum", "Ensemble", "Estimates", "EventLog", "Finding", "Fix",
     "Gaussian", "Grid", "Innovations", "Kind", "Manifold", "Outcome", "Reset", "Run", "SensorState", "StateLayout",
-    "Stream", "Trajectory", "Verdict", "empty_estimates", "joined", "stream",
+    "Stream", "Trajectory", "Trouble", "Verdict", "empty_estimates", "joined", "reason", "stream",
 ]  # fmt: skip

@@ -43,7 +43,7 @@ class Verdict(IntEnum):
 
 REASONS: Mapping[Verdict, str] = {
     Verdict.USED: "fused",
-    Verdict.WITHHELD: "withheld on request, scored only",
+    Verdict.WITHHELD: "withheld on request, compared only",
     Verdict.GATED: "innovation outside its chi-square gate",
     Verdict.LATE: "arrived after the history it belongs to had been dropped",
     Verdict.DUPLICATE: "same stamp and same values as the record before",
@@ -71,6 +71,12 @@ REASONS: Mapping[Verdict, str] = {
 
 SILENCE: Final = 60.0  # s without a usable record: a longer time is no part of the run, the job starts anew after it
 HOLD: Final = 5.0  # s that an estimate says anything about
+
+
+def reason(verdict: Verdict, role: str) -> str:
+    """The sentence on a verdict for a source of this role: what we chose only to compare was not asked for."""
+    chosen = verdict is Verdict.WITHHELD and role.startswith("scored")
+    return "compared with the estimate, not fused" if chosen else REASONS[verdict]
 
 
 class SensorState(IntEnum):
@@ -114,7 +120,7 @@ class Account:
     first: float  # s since the log's first event
     last: float  # s
     nis: float  # mean normalised innovation squared per degree of freedom, of fused and gated records; NaN if none
-    state: SensorState
+    state: SensorState | None  # at the end; None for what is not fused: it has no health
 
 
 @final
@@ -161,6 +167,12 @@ class Innovations:
     columns: tuple[str, ...]
     units: tuple[str, ...]
 
+    def nis_per_dof(self, *verdicts: Verdict) -> float:
+        """Mean NIS per degree of freedom of the records of these verdicts, of all if none is given; NaN without one."""
+        rows = np.isfinite(self.nis) & (np.isin(self.verdict, verdicts) if verdicts else True)
+        dof = float(self.dof[rows].sum())
+        return float(self.nis[rows].sum()) / dof if dof else float("nan")
+
 
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -178,6 +190,16 @@ class Estimates:
     sd: Floats
     valid: Ints
     pose: Trajectory
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trouble:
+    """The worst that a source's health came to. first : s since the start;  times : how often it began."""
+
+    state: SensorState
+    first: float
+    times: int
 
 
 @final
@@ -235,6 +257,26 @@ class Run:
         counts = np.where(gaps > SILENCE, 0.0, np.minimum(gaps, HOLD)) / self.duration
         p, v, h = np.minimum(counts @ valid[:-1], 1.0).tolist()
         return p, v, h
+
+    @property
+    def listed(self) -> tuple[Account, ...]:
+        """Accounts worth a row: a further use of a source, "NAME (use)", that no record was for is none."""
+        names = {a.source for a in self.accounts}
+        return tuple(a for a in self.accounts if a.received or a.source.partition(" (")[0] not in names - {a.source})
+
+    def fused_nis(self, source: str) -> float:
+        """Mean NIS per degree of freedom of what was fused of a source; NaN if nothing was."""
+        i = self.innovations.get(source)
+        return i.nis_per_dof(Verdict.USED, Verdict.RESET) if i is not None else float("nan")
+
+    def trouble(self, source: str) -> Trouble | None:
+        """The worst state of a source, if it was ever suspect or faulted."""
+        history = self.health.get(source, np.zeros((0, 2)))
+        for state in (SensorState.FAULTED, SensorState.SUSPECT):
+            began = history[history[:, 1] == state, 0]
+            if began.size:
+                return Trouble(state=state, first=float(began[0]), times=int(began.size))
+        return None
 
     @property
     def used_nothing_of(self) -> tuple[str, ...]:

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from outrider.data import REASONS, Account, Finding, Outcome, Reset, Run, SensorState
+from outrider.data import Account, Finding, Outcome, Reset, Run, SensorState, reason
 from outrider.io._ros_encode import Messages
 
 OK, WARN, ERROR, STALE = 0, 1, 2, 3  # diagnostic_msgs/DiagnosticStatus
@@ -59,9 +59,9 @@ def _reset(messages: Messages, r: Reset) -> Any:
 
 
 def _account(messages: Messages, a: Account) -> Any:
-    level = _STATES[a.state] if a.role.startswith("fused") else OK
+    level = OK if a.state is None else _STATES[a.state]
     counts = {"received": a.received, "used": a.used, "malformed": a.malformed}
-    counts |= {REASONS[verdict]: count for verdict, count in a.by_verdict.items() if count}
+    counts |= {reason(verdict, a.role): count for verdict, count in a.by_verdict.items() if count}
     values = {"kind": a.kind, **counts, "rate_hz": f"{a.rate:.3g}", "nis": f"{a.nis:.3g}"}
     return _status(messages, level, a.source, a.role, values)
 

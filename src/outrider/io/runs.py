@@ -4,6 +4,7 @@ report.html          the report                          summary.json   `outride
 fused.tum            map -> base_link, for evo           config.yaml    the resolved configuration, to be used again
 local.tum            odom -> base_link                   track.geojson  the path on a map, if the site has a datum
 estimates.parquet    every state with its deviation      run.mcap       ROS 2 messages for Foxglove and the like
+innovations.parquet  every record against the estimate
 """
 
 from collections.abc import Mapping
@@ -14,12 +15,14 @@ from typing import Any
 
 from outrider.data import Run, Trajectory
 from outrider.io import folders
+from outrider.io.innovations import write_innovations
 from outrider.io.mcap import write_mcap
 from outrider.io.trajectories import read_table, write_geojson, write_table
 from outrider.io.tum import write_tum
 
 SCHEMA = "outrider.run/1"
 SUMMARY, CONFIG, REPORT, ESTIMATES = "summary.json", "config.yaml", "report.html", "estimates.parquet"
+INNOVATIONS = "innovations.parquet"
 FUSED, LOCAL, TRACK, MCAP = "fused.tum", "local.tum", "track.geojson", "run.mcap"
 
 
@@ -40,6 +43,7 @@ def write_run(run: Run, folder: Path, summary: Mapping[str, object]) -> None:
     if run.local is not None:
         write_tum(run.local.pose, folder / LOCAL)
     write_table(replace(run, fused=replace(run.fused, pose=pose)), folder / ESTIMATES)
+    write_innovations(run, folder / INNOVATIONS)
     if run.datum is not None:
         write_geojson(pose, folder / TRACK)
     write_mcap(run, folder / MCAP)

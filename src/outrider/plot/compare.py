@@ -9,7 +9,7 @@ from matplotlib.lines import Line2D
 from outrider.data import Trajectory
 from outrider.eval import Association, associate, heading_errors, position_errors
 from outrider.plot.maps import two_tracks
-from outrider.plot.series import extremes, radius_95, seconds, yaw_sd
+from outrider.plot.series import extremes, has_height, radius_95, seconds, yaw_sd
 from outrider.plot.style import FUSED, MUTED, finish, panels, styled
 from outrider.typing import Floats
 
@@ -33,6 +33,8 @@ def error_figure(estimate: Trajectory, reference: Trajectory, *, start: int | No
         ax.set_ylabel(name)
         expected |= _error(ax, seconds(pairs.reference.t, zero), error, limit)
     axes[0].set_ylim(bottom=0.0)
+    if start is not None:
+        axes[0].set_xlim(left=0.0)
     handles: list[Artist] = [Line2D([], [], color=FUSED, label="estimate minus reference")]
     if expected:
         handles.append(Line2D([], [], color=MUTED, linewidth=0.9, linestyle=(0, (3, 2)), label="95 % expected"))
@@ -40,14 +42,13 @@ def error_figure(estimate: Trajectory, reference: Trajectory, *, start: int | No
 
 
 def _curves(pairs: Association) -> list[tuple[str, Floats, Floats]]:
-    """Label, error and 95 % limit of each panel; no height panel for two planar tracks."""
+    """Label, error and 95 % limit of each panel; no height panel where none is estimated."""
     e, pose = position_errors(pairs, 3), pairs.estimate
     up = np.sqrt(np.maximum(pose.P[:, 2, 2], 0.0)) if pose.P.shape[0] else np.full(len(pose), np.nan)
     horizontal = ("horizontal\nerror [m]", np.hypot(e[:, 0], e[:, 1]), radius_95(pose))
     height = ("height\nerror [m]", e[:, 2], 1.96 * up)
     heading = ("heading\nerror [deg]", np.degrees(heading_errors(pairs)), 1.96 * np.degrees(yaw_sd(pose)))
-    flat = np.nanmax(np.abs(e[:, 2]), initial=0.0) < 1e-6
-    return [horizontal, heading] if flat else [horizontal, height, heading]
+    return [horizontal, height, heading] if has_height(pose) else [horizontal, heading]
 
 
 def _error(ax: Axes, t: Floats, error: Floats, limit: Floats) -> bool:

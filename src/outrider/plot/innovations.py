@@ -9,7 +9,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import NullLocator
 
 from outrider.data import Innovations, Verdict
-from outrider.plot.series import extremes, gate, seconds
+from outrider.plot.series import extremes, gate, seconds, with_gaps
 from outrider.plot.style import INK, MUTED, REJECTED, finish, panels, styled
 from outrider.typing import Bools, Floats, Ints
 
@@ -21,8 +21,13 @@ _SHOWN = {"rad": ("deg", 180 / np.pi), "rad/s": ("deg/s", 180 / np.pi), "1": (""
 
 
 @styled
-def innovation_figure(innovations: Innovations, colour: str, start: int, tail: float = GATE_TAIL) -> Figure | None:
-    """A panel per component with its 2-sigma band and gate, NIS per degree of freedom below; None without a record."""
+def innovation_figure(
+    innovations: Innovations, colour: str, start: int, end: float, tail: float = GATE_TAIL
+) -> Figure | None:
+    """A panel per component with its 2-sigma band and gate, NIS per degree of freedom below; None without a record.
+
+    Times count from `start` [ns] and are shown up to `end` [s], so that all figures of a run are in line.
+    """
     shown = [k for k in range(len(innovations.columns)) if np.isfinite(innovations.y[:, k]).any()]
     if not shown:
         return None
@@ -41,8 +46,10 @@ def innovation_figure(innovations: Innovations, colour: str, start: int, tail: f
         innovations.nis[order] / np.maximum(innovations.dof[order], 1),
         innovations.dof[order],
         tail,
+        np.isin(innovations.verdict[order], (Verdict.GATED, Verdict.FAULTED)),
         groups,
     )
+    axes[-1].set_xlim(0.0, end)
     return finish(figure, _handles(groups))
 
 
@@ -53,7 +60,7 @@ def _groups(verdict: Ints, colour: str) -> list[tuple[str, Bools, str, str]]:
     every = [
         ("fused", fused, ".", colour),
         ("gated", gated, "x", REJECTED),
-        ("withheld, scored only", withheld, "+", colour),
+        ("compared only", withheld, "+", colour),
         ("not used", ~(fused | gated | withheld), "1", MUTED),
     ]
     return [g for g in every if g[1].any()]
@@ -65,9 +72,10 @@ def _component(
     """One component; what lies beyond the panel stands at its edge."""
     rows = extremes(s)
     rows = rows[np.isfinite(s[rows])]
-    ax.fill_between(t[rows], -2 * s[rows], 2 * s[rows], color=MUTED, alpha=0.18, linewidth=0)
+    u, band, gated = with_gaps(t[rows], 2 * s[rows], (limit * s)[rows])
+    ax.fill_between(u, -band, band, color=MUTED, alpha=0.18, linewidth=0)
     for sign in (-1, 1):
-        ax.plot(t[rows], sign * (limit * s)[rows], color=INK, linewidth=0.8, linestyle=(0, (3, 2)))
+        ax.plot(u, sign * gated, color=INK, linewidth=0.8, linestyle=(0, (3, 2)))
     ax.axhline(0.0, color=MUTED, linewidth=0.6)
     top = 1.25 * _high(limit * s, 98.0)
     if not top > 0.0:
@@ -76,25 +84,38 @@ def _component(
     _points(ax, t, np.clip(y, -0.96 * top, 0.96 * top), groups)
 
 
-def _nis(ax: Axes, t: Floats, ratio: Floats, dof: Ints, tail: float, groups: list[tuple[str, Bools, str, str]]) -> None:
-    """NIS per degree of freedom on a logarithmic scale: 1 on average if the stated noise is right."""
+def _nis(
+    ax: Axes,
+    t: Floats,
+    ratio: Floats,
+    dof: Ints,
+    tail: float,
+    refused: Bools,
+    groups: list[tuple[str, Bools, str, str]],
+) -> None:
+    """NIS per degree of freedom on a logarithmic scale: 1 on average if the stated noise is right.
+
+    The running mean leaves out what was refused: one wild record would hide fifty good ones.
+    """
     limit = gate(dof, tail) / np.maximum(dof, 1)
-    top, bottom = 6.0 * float(np.max(limit)), 1e-2
+    top, bottom = 6.0 * float(np.max(limit)), _floor(ratio)
+    ticks = [10.0**k for k in range(round(np.log10(bottom)), 2)]
     ax.set_yscale("log")
     ax.set_ylim(bottom, top)
     ax.set_ylabel("NIS/dof")
-    ax.set_yticks([0.01, 0.1, 1.0, 10.0], ["0.01", "0.1", "1", "10"])
+    ax.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
     ax.yaxis.set_minor_locator(NullLocator())
     rows = extremes(limit)
     ax.plot(t[rows], limit[rows], color=INK, linewidth=0.8, linestyle=(0, (3, 2)))
     ax.axhline(1.0, color=MUTED, linewidth=0.8)
     _points(ax, t, np.clip(ratio, 1.15 * bottom, 0.8 * top), groups)
-    known = np.isfinite(ratio)
+    known = np.isfinite(ratio) & ~refused
     if known.sum() >= WINDOW:
         mean = np.convolve(ratio[known], np.ones(WINDOW) / WINDOW, "valid")
         middle = t[known][WINDOW // 2 : WINDOW // 2 + mean.size]
         rows = extremes(mean, 900)
-        ax.plot(middle[rows], np.clip(mean[rows], 1.15 * bottom, 0.8 * top), color=INK, linewidth=1.2)
+        u, mean = with_gaps(middle[rows], np.clip(mean[rows], 1.15 * bottom, 0.8 * top))
+        ax.plot(u, mean, color=INK, linewidth=1.2)
 
 
 def _points(ax: Axes, t: Floats, y: Floats, groups: list[tuple[str, Bools, str, str]]) -> None:
@@ -116,6 +137,13 @@ def _handles(groups: list[tuple[str, Bools, str, str]]) -> list[Artist]:
         Line2D([], [], color=INK, linewidth=1.2, label=f"NIS/dof, mean of {WINDOW}"),
     ]
     return [*points, *lines]
+
+
+def _floor(ratio: Floats) -> float:
+    """Where the logarithmic axis begins: below most of the points, between 1e-4 and 1e-2."""
+    known = ratio[np.isfinite(ratio) & (ratio > 0.0)]
+    low = float(np.percentile(known, 10.0)) if known.size else 1.0
+    return float(np.clip(10.0 ** np.floor(np.log10(low)), 1e-4, 1e-2))
 
 
 def _high(y: Floats, percent: float) -> float:

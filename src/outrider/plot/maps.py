@@ -8,8 +8,9 @@ from matplotlib.lines import Line2D
 from matplotlib.transforms import ScaledTranslation
 from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar
 
-from outrider.data import Estimates, Run, Trajectory
-from outrider.plot.series import CHI2_95_2D, every
+from outrider.data import Estimates, Run, Trajectory, Verdict
+from outrider.plot.series import every
+from outrider.plot.shapes import aligned_at_start, ellipses, shown_ellipses
 from outrider.plot.style import (
     FUSED,
     INK,
@@ -25,10 +26,10 @@ from outrider.plot.style import (
     source_colours,
     styled,
 )
-from outrider.typing import Floats, Ints
+from outrider.typing import Floats
 
 TRACK_POINTS = 4000
-ELLIPSES = 24
+REFUSED_SHOWN = 2000
 
 
 def run_colours(run: Run) -> dict[str, str]:
@@ -41,28 +42,30 @@ def map_figure(run: Run, *, reference: Trajectory | None = None) -> Figure:
     """The site from above: fused and local track, every source alone, 95 % ellipses, start, end and resets."""
     fused = run.fused.pose
     local = aligned_at_start(run.local.pose, fused) if run.local is not None else None
-    near = [_outlines(fused), *(track.p for track in run.tracks.values())]
+    tracks = {name: _laid(run, name) for name in run_colours(run) if name in run.tracks}
+    near = [_outlines(fused), *tracks.values()]
     view = _view([fused.p, *([reference.p] if reference is not None else [])], near)
     figure, ax = _sheet(view)
-    handles = [_source_track(ax, run, name, colour) for name, colour in run_colours(run).items() if name in run.tracks]
+    colours = run_colours(run)
+    handles = [_source_track(ax, run, name, p, colours[name]) for name, p in tracks.items()]
     if reference is not None:
         handles.append(_track(ax, reference.p, INK, "reference", width=1.0))
     if local is not None and len(local):
-        handles.append(_track(ax, local, LOCAL, "local (odom), set on the fused start", dashed=True))
+        handles.append(_track(ax, local, LOCAL, "local (odom)", dashed=True, width=1.1))
     handles += _estimate(ax, run.fused, FUSED, "fused (map)")
-    handles += _resets(ax, run)
+    handles += [*_refused(ax, run), *_resets(ax, run)]
     return finish(figure, [h for h in handles if h is not None])
 
 
 @styled
 def odom_figure(run: Run) -> Figure | None:
-    """The local estimate in its own odom frame, and the fused track set on its start; None without a local one."""
+    """The local estimate in its own odom frame, and the fused track laid on it; None without a local one."""
     if run.local is None or not len(run.local.pose):
         return None
     fused = aligned_at_start(run.fused.pose, run.local.pose)
     figure, ax = _sheet(_view([run.local.pose.p, fused], [_outlines(run.local.pose)]), "odom x", "odom y")
-    handles = [_track(ax, fused, FUSED, "fused, set on the local start", width=1.0)]
-    handles += _estimate(ax, run.local, LOCAL, "local (odom)")
+    handles = [_track(ax, fused, FUSED, "fused (map)", width=1.0)]
+    handles += _estimate(ax, run.local, LOCAL, "local (odom)", doubt=False)
     return finish(figure, [h for h in handles if h is not None])
 
 
@@ -74,49 +77,6 @@ def two_tracks(estimate: Trajectory, reference: Trajectory, names: tuple[str, st
     if len(estimate):
         handles += [_ellipses(ax, estimate, FUSED, names[0]), *_ends(ax, estimate.p)]
     return finish(figure, [h for h in handles if h is not None])
-
-
-def aligned_at_start(moved: Trajectory, fixed: Trajectory) -> Floats:
-    """Positions (n, 3) of a track turned about the vertical and shifted onto another where both first have a pose."""
-    i, k = _first_common(moved, fixed)
-    if i < 0:
-        return moved.p
-    turn = float(fixed.yaw[k] - moved.yaw[i])
-    c, s = np.cos(turn), np.sin(turn)
-    R = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    return (moved.p - moved.p[i]) @ R.T + fixed.p[k]
-
-
-def _first_common(a: Trajectory, b: Trajectory) -> tuple[int, int]:
-    """Rows of two tracks nearest in time at the first moment that both know position and heading; (-1, -1) if none."""
-    good_a, good_b = _posed(a), _posed(b)
-    if not good_a.size or not good_b.size:
-        return -1, -1
-    start = max(int(a.t[good_a[0]]), int(b.t[good_b[0]]))
-    return int(good_a[np.abs(a.t[good_a] - start).argmin()]), int(good_b[np.abs(b.t[good_b] - start).argmin()])
-
-
-def _posed(track: Trajectory) -> Ints:
-    return np.flatnonzero(np.isfinite(track.p).all(axis=1) & np.isfinite(track.q).all(axis=1))
-
-
-def ellipse_rows(p: Floats, count: int = ELLIPSES) -> Ints:
-    """Rows at which to draw an ellipse: evenly spread along the path, so that standing still does not pile them up."""
-    known = np.flatnonzero(np.isfinite(p).all(axis=1))
-    if not known.size:
-        return known
-    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(p[known, :2], axis=0), axis=1))])
-    return known[np.unique(np.searchsorted(way, np.linspace(0.0, way[-1], count)).clip(0, known.size - 1))]
-
-
-def ellipses(p: Floats, P: Floats, points: int = 40) -> Floats:
-    """(n, points, 2) outlines of the horizontal 95 % ellipses of positions p (n, 3) with covariance P (n, 6, 6)."""
-    good = np.isfinite(P[:, :2, :2]).all(axis=(1, 2))
-    values, vectors = np.linalg.eigh(P[good][:, :2, :2])
-    axes = vectors * np.sqrt(CHI2_95_2D * np.maximum(values, 0.0))[:, None, :]
-    turn = np.linspace(0.0, 2 * np.pi, points, endpoint=False)
-    circle = np.stack([np.cos(turn), np.sin(turn)])
-    return p[good, None, :2] + np.swapaxes(axes @ circle, 1, 2)
 
 
 def _view(lines: list[Floats], near: list[Floats]) -> tuple[Floats, Floats]:
@@ -191,18 +151,26 @@ def _track(ax: Axes, p: Floats, colour: str, name: str, *, dashed: bool = False,
     return line
 
 
-def _source_track(ax: Axes, run: Run, name: str, colour: str) -> Line2D | None:
-    """One source alone: absolute positions as dots, integrated ones as a thin line."""
+def _kind(run: Run, name: str) -> str:
+    return next((a.kind for a in run.accounts if a.source == name), "")
+
+
+def _laid(run: Run, name: str) -> Floats:
+    """Positions of one source alone; what a base integrated from an origin of its own is laid on the fused track."""
     track = run.tracks[name]
-    kind = next((a.kind for a in run.accounts if a.source == name), "")
-    rows = every(len(track), TRACK_POINTS)
+    return aligned_at_start(track, run.fused.pose) if "ODOM" in _kind(run, name) else track.p
+
+
+def _source_track(ax: Axes, run: Run, name: str, p: Floats, colour: str) -> Line2D | None:
+    """One source alone: absolute positions as dots, integrated ones as a thin line."""
+    kind, rows = _kind(run, name), every(len(p), TRACK_POINTS)
     if not rows.size:
         return None
     if "ODOM" in kind or "ESTIMATE" in kind or "TWIST" in kind:
-        return _track(ax, track.p, colour, name, width=0.9)
+        return _track(ax, p, colour, name, width=0.9)
     (dots,) = ax.plot(
-        track.p[rows, 0],
-        track.p[rows, 1],
+        p[rows, 0],
+        p[rows, 1],
         "o",
         markersize=2.6,
         markeredgewidth=0,
@@ -215,14 +183,14 @@ def _source_track(ax: Axes, run: Run, name: str, colour: str) -> Line2D | None:
     return dots
 
 
-def _estimate(ax: Axes, estimates: Estimates, colour: str, name: str) -> list[Line2D | None]:
-    """An estimate's track (pale where it is declared invalid), its ellipses, and its two ends."""
+def _estimate(ax: Axes, estimates: Estimates, colour: str, name: str, *, doubt: bool = True) -> list[Line2D | None]:
+    """An estimate's track (pale where it is declared invalid, if `doubt`), its ellipses, and its two ends."""
     pose = estimates.pose
     if not len(pose):
         return []
     handles = [_track(ax, pose.p, colour, name)]
     bad = estimates.valid[:, 0] == 0 if estimates.valid.shape[0] else np.zeros(len(pose), np.bool_)
-    if bad.any():
+    if doubt and bad.any():
         gaps = (0, (0.9, 0.9))
         rows = every(len(pose), TRACK_POINTS)
         p = np.where(bad[:, None], pose.p, np.nan)[rows]
@@ -235,18 +203,18 @@ def _estimate(ax: Axes, estimates: Estimates, colour: str, name: str) -> list[Li
 
 def _outlines(pose: Trajectory) -> Floats:
     """(n, 2) points on the ellipses that a map of this track shows."""
-    rows = ellipse_rows(pose.p)
-    return ellipses(pose.p[rows], pose.P[rows]).reshape(-1, 2) if pose.P.shape[0] else np.zeros((0, 2))
+    rows = shown_ellipses(pose)
+    return ellipses(pose.p[rows], pose.P[rows]).reshape(-1, 2) if rows.size else np.zeros((0, 2))
 
 
 def _ellipses(ax: Axes, pose: Trajectory, colour: str, name: str) -> Line2D | None:
-    if not pose.P.shape[0]:
+    rows = shown_ellipses(pose)
+    if not rows.size:
         return None
-    rows = ellipse_rows(pose.p)
     shapes = PolyCollection(
         list(ellipses(pose.p[rows], pose.P[rows])),
-        facecolors=(colour, 0.10),
-        edgecolors=(colour, 0.75),
+        facecolors=(colour, 0.07),
+        edgecolors=(colour, 0.6),
         linewidths=0.8,
         zorder=2,
     )
@@ -283,6 +251,19 @@ def _ends(ax: Axes, p: Floats) -> list[Line2D]:
             zorder=6,
         )
     return ends
+
+
+def _refused(ax: Axes, run: Run) -> list[Line2D]:
+    """A cross at every position that its gate refused."""
+    places = [
+        i.z[i.verdict == Verdict.GATED, :2] for i in run.innovations.values() if i.columns[:2] == ("east", "north")
+    ]
+    p = np.concatenate([np.zeros((0, 2)), *places])
+    if not len(p):
+        return []
+    rows = every(len(p), REFUSED_SHOWN)
+    name = f"gated ({len(p)})"
+    return ax.plot(p[rows, 0], p[rows, 1], "x", color=REJECTED, markersize=5, zorder=5, label=name)
 
 
 def _resets(ax: Axes, run: Run) -> list[Line2D]:

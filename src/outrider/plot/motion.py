@@ -8,9 +8,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.ticker import StrMethodFormatter
 
 from outrider.data import Block, Estimates, Manifold, Run
-from outrider.plot.series import break_wraps, extremes, position_sd, seconds, spans, speed, yaw_sd
+from outrider.plot.series import break_wraps, end_time, extremes, has_height, position_sd, seconds, spans, speed, yaw_sd
 from outrider.plot.style import AXES, FUSED, LOCAL, MUTED, REJECTED, finish, panels, styled
 from outrider.typing import Floats
 
@@ -20,46 +21,50 @@ _IN_DEGREES = {"rad": "deg", "rad/s": "deg/s"}
 
 @styled
 def motion_figure(run: Run) -> Figure | None:
-    """Heading [deg], speed [m/s] and, if the robot leaves the plane, height [m], each with its 2-sigma band."""
+    """Heading [deg], speed [m/s] and, if it is estimated, height [m]; with 2-sigma bands for the fused estimate.
+
+    The local estimate has none: its heading drifts without bound, and its band would cover everything.
+    """
     estimates = [(run.fused, FUSED, "fused (map)")]
     if run.local is not None:
         estimates.append((run.local, LOCAL, "local (odom)"))
     estimates = [e for e in estimates if e[0].t.size]
     if not estimates:
         return None
-    has_height = any(np.nanmax(np.abs(e.pose.p[:, 2]), initial=0.0) > 1e-6 for e, _, _ in estimates)
-    draws = [("heading [deg]", _heading), ("speed [m/s]", _speed), *([("height [m]", _height)] if has_height else [])]
+    tall = has_height(run.fused.pose)
+    draws = [("heading [deg]", _heading), ("speed [m/s]", _speed), *([("height [m]", _height)] if tall else [])]
     figure, axes = panels(len(draws))
     for ax, (unit, draw) in zip(axes, draws, strict=True):
         ax.set_ylabel(unit)
         for estimate, colour, _ in estimates:
-            draw(ax, estimate, run.start, colour)
-    axes[0].set_ylim(-185, 185)
+            draw(ax, estimate, run.start, colour, band=estimate is run.fused)
+    axes[-1].set_xlim(0.0, end_time(run))
+    axes[0].set_ylim(-190, 190)
     axes[0].set_yticks([-180, -90, 0, 90, 180])
     handles: list[Artist] = [Line2D([], [], color=colour, label=name) for _, colour, name in estimates]
-    handles.append(Patch(facecolor=(MUTED, 0.25), label="2σ"))
+    handles.append(Patch(facecolor=(MUTED, 0.25), label="2σ, fused"))
     return finish(figure, [*handles, *_shade(axes[0], run, 2, "heading"), *_mark_resets(axes, run)])
 
 
-def _heading(ax: Axes, estimates: Estimates, start: int, colour: str) -> None:
+def _heading(ax: Axes, estimates: Estimates, start: int, colour: str, *, band: bool) -> None:
     """Counter-clockwise from east, broken where it wraps."""
     yaw = np.degrees(estimates.pose.yaw)
     sd = np.minimum(np.degrees(yaw_sd(estimates.pose)), 180.0)
     rows = extremes(yaw)
-    _line(ax, seconds(estimates.t, start)[rows], break_wraps(yaw[rows]), sd[rows], colour)
+    _line(ax, seconds(estimates.t, start)[rows], break_wraps(yaw[rows]), sd[rows] if band else None, colour)
 
 
-def _speed(ax: Axes, estimates: Estimates, start: int, colour: str) -> None:
+def _speed(ax: Axes, estimates: Estimates, start: int, colour: str, *, band: bool) -> None:
     value, sd = speed(estimates)
     rows = extremes(value)
-    _line(ax, seconds(estimates.t, start)[rows], value[rows], sd[rows], colour)
+    _line(ax, seconds(estimates.t, start)[rows], value[rows], sd[rows] if band else None, colour)
     ax.set_ylim(*_around(ax, value, sd, floor=0.0))
 
 
-def _height(ax: Axes, estimates: Estimates, start: int, colour: str) -> None:
+def _height(ax: Axes, estimates: Estimates, start: int, colour: str, *, band: bool) -> None:
     value, sd = estimates.pose.p[:, 2], position_sd(estimates)[:, 2]
     rows = extremes(value)
-    _line(ax, seconds(estimates.t, start)[rows], value[rows], sd[rows], colour)
+    _line(ax, seconds(estimates.t, start)[rows], value[rows], sd[rows] if band else None, colour)
     ax.set_ylim(*_around(ax, value, sd))
 
 
@@ -93,6 +98,7 @@ def sigma_figure(run: Run) -> Figure | None:
         horizontal = np.max(position_sd(run.local)[:, :2], axis=1)
         handles += _curve(ax, seconds(run.local.t, start), horizontal, LOCAL, "local, horizontal", dashed=True)
     ax.set_ylabel("position 1σ [m]")
+    ax.set_xlim(0.0, end_time(run))
     _log_if_wide(ax, sd)
     return finish(figure, [*handles, *_shade(ax, run, 0, "position"), *_mark_resets([ax], run)])
 
@@ -106,18 +112,20 @@ def _log_if_wide(ax: Axes, y: Floats) -> None:
     known = y[np.isfinite(y) & (y > 1e-9)]
     if known.size and known.max() > 20 * known.min():
         ax.set_yscale("log")
+        ax.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     else:
         ax.set_ylim(bottom=0.0)
 
 
 @styled
 def slow_figure(run: Run) -> Figure | None:
-    """Biases, scales and the like with their 2-sigma bands, one panel per state; None if none is estimated."""
+    """Biases, scales and the like with their 2-sigma bands, one panel per state; None if nothing told any of them."""
     fused = run.fused
-    blocks = [b for b in fused.layout if _is_slow(b) and (fused.sd[:, b.error].any() or fused.x[:, b.state].any())]
+    blocks = [b for b in fused.layout if _is_slow(b) and _learned(fused, b)]
     if not blocks:
         return None
     figure, axes = panels(len(blocks), 1.45)
+    axes[-1].set_xlim(0.0, end_time(run))
     t = seconds(fused.t, run.start)
     for ax, block in zip(axes, blocks, strict=True):
         _slow_panel(ax, t, fused, block)
@@ -132,9 +140,15 @@ def _is_slow(block: Block) -> bool:
     return block.manifold is Manifold.VECTOR and any(word in block.name for word in SLOW)
 
 
+def _learned(fused: Estimates, block: Block) -> bool:
+    """Whether the log said anything about a state: it moved by more than a trace of its deviation."""
+    moved = np.nanmax(np.ptp(fused.x[:, block.state], axis=0), initial=0.0) if fused.t.size else 0.0
+    return bool(moved > 0.01 * np.nanmax(fused.sd[:, block.error], initial=0.0))
+
+
 def _slow_panel(ax: Axes, t: Floats, fused: Estimates, block: Block) -> None:
     scale = 180 / np.pi if block.unit in _IN_DEGREES else 1.0
-    unit = _IN_DEGREES.get(block.unit, block.unit)
+    unit = _IN_DEGREES.get(block.unit, block.unit).replace("^2", "²")
     ax.set_ylabel(block.name.replace("_", " ") + (f"\n[{unit}]" if unit and unit != "-" else ""))
     ax.axhline(0.0, color=MUTED, linewidth=0.6)
     x, sd = fused.x[:, block.state] * scale, fused.sd[:, block.error] * scale
@@ -146,13 +160,13 @@ def _slow_panel(ax: Axes, t: Floats, fused: Estimates, block: Block) -> None:
     ax.set_ylim(-reach, reach)
 
 
-def _line(ax: Axes, t: Floats, y: Floats, sd: Floats, colour: str) -> None:
-    """A curve with its 2-sigma band; a single sample shows as a dot with a bar."""
+def _line(ax: Axes, t: Floats, y: Floats, sd: Floats | None, colour: str) -> None:
+    """A curve with its 2-sigma band, if one is given; a single sample shows as a dot with a bar."""
     if t.size == 1:
-        ax.errorbar(t, y, yerr=2 * np.nan_to_num(sd), fmt="o", color=colour, capsize=3)
+        ax.errorbar(t, y, yerr=None if sd is None else 2 * np.nan_to_num(sd), fmt="o", color=colour, capsize=3)
         return
     ax.plot(t, y, color=colour)
-    if np.isfinite(sd).any():
+    if sd is not None and np.isfinite(sd).any():
         ax.fill_between(t, y - 2 * sd, y + 2 * sd, color=colour, alpha=0.18, linewidth=0)
 
 

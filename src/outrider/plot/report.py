@@ -17,13 +17,20 @@ from outrider.plot import tables
 from outrider.plot.compare import error_figure
 from outrider.plot.health import health_figure
 from outrider.plot.innovations import GATE_TAIL, innovation_figure
-from outrider.plot.maps import aligned_at_start, ellipse_rows, map_figure, odom_figure, run_colours
+from outrider.plot.maps import map_figure, odom_figure, run_colours
 from outrider.plot.motion import motion_figure, sigma_figure, slow_figure
-from outrider.plot.series import radius_95
+from outrider.plot.series import end_time, has_height, radius_95
+from outrider.plot.shapes import aligned_at_start, ellipse_rows, shown_ellipses
 from outrider.plot.style import DARK, css_name, to_svg
 
 _NO_LOCAL = "There is no local estimate: it needs wheels or another source of body velocity, and a gyro."
-_HEADING = "Headings count counter-clockwise from east; the local one counts from the x axis of its own frame."
+_HEADING = "Headings count counter-clockwise from east."
+_LOCAL_HEADING = (
+    " The local one counts from the x axis of its own frame; it drifts without bound, so its band is not shown."
+)
+_FLAT = " Height is not estimated: the vehicle is planar."
+_NO_SLOW = "This model has no bias or scale, or the log tells nothing about one."
+_HEALTH = "Sources that are only compared have no health. A state lasts until the next record that changes it."
 _SIGMA = "Standard deviations in the site frame; the local one is the larger of its two horizontal ones."
 
 
@@ -75,17 +82,17 @@ def _plots(run: Run, reference: Trajectory | None) -> dict[str, object]:
         "map": _map(run, reference),
         "odom": _plot(odom_figure(run), "local odometry frame", _drift(run), absent=_NO_LOCAL),
         "motion": _plot(
-            motion_figure(run), "heading and speed over time", _HEADING, absent="There is no estimate to show."
+            motion_figure(run), "heading and speed over time", _motion(run), absent="There is no estimate to show."
         ),
         "error": Plot() if reference is None else _reference(run, reference),
         "innovations": [_innovations(run, name, record) for name, record in run.innovations.items()],
         "sigma": _plot(
             sigma_figure(run), "position deviation over time", _SIGMA, absent="There is no covariance to show."
         ),
-        "slow": _plot(
-            slow_figure(run), "biases and scales over time", "", absent="This model estimates no bias or scale."
+        "slow": _plot(slow_figure(run), "biases and scales over time", "", absent=_NO_SLOW),
+        "health": _plot(
+            health_figure(run), "health of the sources", _HEALTH, absent="No source has a recorded history."
         ),
-        "health": _plot(health_figure(run), "health of the sources", "", absent="No source has a recorded history."),
     }
 
 
@@ -95,6 +102,11 @@ def _plot(figure: Figure | None, name: str, caption: str, *, absent: str = "", t
     return Plot(Markup(to_svg(figure, name)), caption, title)  # our own SVG, escaped by matplotlib
 
 
+def _motion(run: Run) -> str:
+    local = run.local is not None and run.local.t.size
+    return _HEADING + (_LOCAL_HEADING if local else "") + ("" if has_height(run.fused.pose) else _FLAT)
+
+
 def _map(run: Run, reference: Trajectory | None) -> Plot:
     if not len(run.fused.pose) and not any(len(track) for track in run.tracks.values()):
         return Plot(caption="There is no estimate and no position to show.")
@@ -102,7 +114,7 @@ def _map(run: Run, reference: Trajectory | None) -> Plot:
 
 
 def _reference(run: Run, reference: Trajectory) -> Plot:
-    caption = "Estimate minus reference, without any alignment."
+    caption = "Estimate minus reference, without any alignment." + ("" if has_height(run.fused.pose) else _FLAT)
     absent = "The reference does not overlap the estimate in time."
     return _plot(
         error_figure(run.fused.pose, reference, start=run.start), "error to the reference", caption, absent=absent
@@ -112,16 +124,24 @@ def _reference(run: Run, reference: Trajectory) -> Plot:
 def _innovations(run: Run, name: str, record: Innovations) -> Plot:
     colour = run_colours(run)[name]
     tail = tables.gate_tail(run.config, name, GATE_TAIL)
-    ratio = (record.nis / np.maximum(record.dof, 1))[np.isfinite(record.nis)]
-    gated = 100.0 * float(np.mean(record.verdict == Verdict.GATED)) if record.verdict.size else 0.0
-    caption = (
-        f"{tables.count(record.t.size)} scored, {tables.number(gated, '%')} gated, NIS/dof mean "
-        f"{tables.number(float(np.mean(ratio)) if ratio.size else np.nan)}, median "
-        f"{tables.number(float(np.median(ratio)) if ratio.size else np.nan)}. The gate lets "
-        f"{tables.number(100 * (1 - tail), '%', 4)} of good records pass; what lies beyond a panel stands at its edge."
-    )
-    figure = innovation_figure(record, colour, run.start, tail)
+    figure = innovation_figure(record, colour, run.start, end_time(run), tail)
+    caption = _innovation_caption(record, tail)
     return _plot(figure, f"innovations of {name}", caption, absent="No record of this source was scored.", title=name)
+
+
+def _innovation_caption(record: Innovations, tail: float) -> str:
+    """How many, how consistent, and what the gate took away."""
+    ratio = (record.nis / np.maximum(record.dof, 1))[np.isfinite(record.nis)]
+    gated, every = int(np.sum(record.verdict == Verdict.GATED)), record.nis_per_dof()
+    fused = record.nis_per_dof(Verdict.USED, Verdict.RESET)
+    means = f"mean {tables.ratio(fused)} of the fused" if np.isfinite(fused) else f"mean {tables.ratio(every)}"
+    means += f", {tables.ratio(every)} with the gated" if gated and np.isfinite(fused) else ""
+    median = float(np.median(ratio)) if ratio.size else np.nan
+    return (
+        f"{tables.count(record.t.size)} records, {tables.count(gated)} gated. NIS/dof: {means}; median "
+        f"{tables.ratio(median)}. The gate lets {tables.number(100 * (1 - tail), '%', 4)} of good records pass; "
+        "what lies beyond a panel stands at its edge."
+    )
 
 
 def _map_caption(run: Run) -> str:
@@ -129,26 +149,36 @@ def _map_caption(run: Run) -> str:
     pose = run.fused.pose
     if not len(pose):
         return "There is no estimate to show: the map holds only what each source alone says."
+    laid = "Tracks from an origin of their own are laid on the fused one where both first know their heading. "
+    own = run.local is not None or any(a.kind == "ODOMETRY_POSE" and a.source in run.tracks for a in run.accounts)
+    return (laid if own else "") + _ellipse_caption(pose)
+
+
+def _ellipse_caption(pose: Trajectory) -> str:
     rows = ellipse_rows(pose.p)
     if not pose.P.shape[0] or not rows.size:
         return ""
     radius = radius_95(pose, rows)
     best, worst = tables.number(float(radius.min()), "m"), tables.number(float(radius.max()), "m")
-    return (
-        "Each ellipse holds the position with 95 % probability; they stand evenly along the path. "
-        f"Larger semi-axis: {best} at best, {worst} at worst."
-    )
+    text = "Each ellipse holds the position with 95 % probability; they stand evenly along the path. "
+    hidden = rows.size - shown_ellipses(pose).size
+    if hidden:
+        left = "All" if hidden == rows.size else f"{hidden} of {rows.size}"
+        text += f"{left} are too large for the map and left out. "
+    return text + f"Larger semi-axis: {best} at best, {worst} at worst."
 
 
 def _drift(run: Run) -> str:
-    """How far the local estimate ends from the fused one after both started together."""
+    """How far the local estimate ends from the fused one after both started together, and how unsure it is by then."""
     if run.local is None or not len(run.local.pose) or not len(run.fused.pose):
         return ""
     end = aligned_at_start(run.fused.pose, run.local.pose)[-1, :2]
     apart = float(np.linalg.norm(run.local.pose.p[-1, :2] - end))
     way = run.local.pose.length
     share = f" ({tables.number(100 * apart / way, '%', 2)} of {tables.number(way, 'm')})" if way > 0 else ""
-    return f"Set on one start, the local and the fused track end {tables.number(apart, 'm')} apart{share}."
+    text = "Laid on one another where both first know their heading, the local and the fused track end "
+    text += f"{tables.number(apart, 'm')} apart{share}"
+    return f"{text}. The local one is smooth and drifts without bound. {_ellipse_caption(run.local.pose)}"
 
 
 def _code(text: str) -> Markup:
@@ -160,6 +190,6 @@ def _datum(run: Run) -> str:
     if run.datum is None:
         return "none: the site frame has no place on Earth"
     d = run.datum
-    return (
-        f"{np.degrees(d.lat):.7f}° N, {np.degrees(d.lon):.7f}° E, {tables.number(d.alt, 'm', 5)} ({d.altitude.lower()})"
-    )
+    lat, lon = np.degrees([d.lat, d.lon]).tolist()
+    place = f"{abs(lat):.7f}° {'N' if lat >= 0 else 'S'}, {abs(lon):.7f}° {'E' if lon >= 0 else 'W'}"
+    return f"{place}, {tables.number(d.alt, 'm', 5)} ({d.altitude.lower()})"

@@ -3,15 +3,37 @@
 import numpy as np
 from scipy.special import chdtri
 
-from outrider.data import Estimates, Manifold, Trajectory
+from outrider.data import Estimates, Manifold, Run, Trajectory
 from outrider.typing import Bools, Floats, Ints
 
+GAP = 3.0  # s without a record before a source counts as silent
 CHI2_95_2D = 5.991  # 95 % of a two-dimensional Gaussian lie inside this squared radius
 
 
 def seconds(t: Ints, start: int) -> Floats:
     """Stamps [ns] as seconds from `start`."""
     return (t - start).astype(np.float64) * 1e-9
+
+
+def end_time(run: Run) -> float:
+    """The last second the run knows of; never zero, so that even a single sample gives an axis."""
+    last = float(seconds(run.fused.t[-1:], run.start)[0]) if run.fused.t.size else 0.0
+    known = [a.last for a in run.accounts if np.isfinite(a.last)]
+    return max([last, *known, *(float(h[-1, 0]) for h in run.health.values() if h.shape[0])], default=0.0) or 1.0
+
+
+def has_height(pose: Trajectory) -> bool:
+    """Whether a height was estimated; the covariance of a planar vehicle has none."""
+    if pose.P.shape[0]:
+        return bool((pose.P[:, 2, 2] > 0.0).any())
+    return bool(np.nanmax(np.abs(pose.p[:, 2]), initial=0.0) > 1e-6)
+
+
+def with_gaps(t: Floats, *values: Floats) -> tuple[Floats, ...]:
+    """The same curve with NaN where the source was silent, so that no line bridges what nobody measured."""
+    steps = np.diff(t)
+    at = np.flatnonzero(steps > max(GAP, 8 * float(np.median(steps)))) + 1 if steps.size else np.zeros(0, np.int64)
+    return np.insert(t, at, t[at - 1]), *(np.insert(v, at, np.nan) for v in values)
 
 
 def gate(dof: Ints | Floats, tail: float) -> Floats:

@@ -70,7 +70,7 @@ STATE_COLOURS: Final[Mapping[SensorState, str]] = {
 }
 
 WIDTH: Final = 9.6  # inches; the page shows one inch as about 110 pixels
-LEFT, RIGHT, BELOW, ABOVE = 0.84, 0.12, 0.46, 0.06  # inches around the axes
+LEFT, RIGHT, BELOW, ABOVE = 0.98, 0.12, 0.46, 0.06  # inches around the axes
 _GAP: Final = 0.14  # inches between panels
 _RC: Final[dict[str, Any]] = {
     "figure.facecolor": "none",

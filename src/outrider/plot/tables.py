@@ -9,12 +9,13 @@ from typing import cast, final
 
 import numpy as np
 
-from outrider.data import REASONS, Account, Finding, Outcome, Reset, Run, SensorState, Trajectory, Verdict
+from outrider.data import Account, Finding, Outcome, Reset, Run, SensorState, Trajectory, Verdict, reason
 from outrider.eval import associate, heading_errors, position_errors, statistics
-from outrider.plot.series import radius_95, seconds, yaw_sd
+from outrider.plot.series import has_height, radius_95, seconds, yaw_sd
 
 NONE = "–"
 _CONTRIBUTES = (Verdict.USED, Verdict.INPUT, Verdict.RESET)
+_USED = (Verdict.USED, Verdict.INPUT)
 _SEVERITIES = ("error", "warning", "info")
 
 
@@ -27,6 +28,11 @@ def number(value: float, unit: str = "", digits: int = 3) -> str:
     else:
         text = f"{value:,.{max(0, digits - 1 - math.floor(math.log10(abs(value))))}f}" if value else "0"
     return _with_unit(text, unit)
+
+
+def ratio(value: float) -> str:
+    """NIS per degree of freedom: 1 is right, and how far below 0.01 it is tells nothing."""
+    return "< 0.01" if 0.0 <= value < 0.01 else number(value, digits=2 if value < 10 else 3)
 
 
 def fixed(value: float, unit: str = "", places: int = 2) -> str:
@@ -98,11 +104,12 @@ def _travel(run: Run) -> list[Card]:
     ]
     if len(pose):
         x, y, z = pose.p[-1]
+        height = f"height {fixed(z, 'm')}, " if has_height(pose) else ""
         out.append(
             Card(
                 "end position",
                 f"{fixed(x)}, {fixed(y, 'm')}",
-                f"east, north; height {fixed(z, 'm')}, heading {fixed(math.degrees(pose.yaw[-1]), '°', 1)}",
+                f"east, north; {height}heading {fixed(math.degrees(pose.yaw[-1]), '°', 1)}",
             )
         )
     return out
@@ -185,24 +192,27 @@ class Row:
     rate: str
     seen: str
     nis: str
+    nis_note: str
     state: str
     state_tone: str
+    trouble: str
     others: Sequence[tuple[str, str]]
 
 
 def account_rows(run: Run) -> list[Row]:
     """One row per source."""
-    return [_row(a) for a in run.accounts]
+    return [_row(a, run) for a in run.listed]
 
 
-def _row(a: Account) -> Row:
+def _row(a: Account, run: Run) -> Row:
     others = [
-        (count(n), REASONS.get(v, str(v)))
+        (count(n), reason(v, a.role))
         for v, n in sorted(a.by_verdict.items(), key=lambda item: -item[1])
-        if n and v is not Verdict.USED
+        if n and v not in _USED
     ]
     if a.malformed:
         others.append((count(a.malformed), "could not be decoded"))
+    fused = run.fused_nis(a.source)
     tones = {SensorState.HEALTHY: "good", SensorState.FAULTED: "error", SensorState.SUSPECT: "warning"}
     return Row(
         a.source,
@@ -212,15 +222,28 @@ def _row(a: Account) -> Row:
         count(a.used),
         number(a.rate, "Hz"),
         _seen(a),
-        number(a.nis),
-        a.state.name.lower(),
-        tones.get(a.state, "plain"),
+        ratio(fused if math.isfinite(fused) else a.nis),
+        f"{ratio(a.nis)} with the gated" if fused < 0.9 * a.nis and a.by_verdict.get(Verdict.GATED) else "",
+        "" if a.state is None else a.state.name.lower(),
+        "plain" if a.state is None else tones.get(a.state, "plain"),
+        _trouble(a, run),
         others,
     )
 
 
+def _trouble(a: Account, run: Run) -> str:
+    """The worst state before the end, with its time."""
+    worst = run.trouble(a.source)
+    if worst is None or a.state is None:
+        return ""
+    when = f"{worst.times} times, first " if worst.times > 1 else ""
+    return f"{worst.state.name.lower()} {when}at {fixed(worst.first, 's', 1)}"
+
+
 def _seen(a: Account) -> str:
-    return f"{fixed(a.first, places=1)} to {fixed(a.last, 's', 1)}" if math.isfinite(a.first) else "no record"
+    if math.isfinite(a.first):
+        return f", {fixed(a.first, places=1)} to {fixed(a.last, 's', 1)}"
+    return "" if a.received else ", no record"
 
 
 def reset_rows(run: Run) -> list[tuple[str, str, str, str, str]]:

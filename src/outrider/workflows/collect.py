@@ -220,6 +220,13 @@ def validity(layout: StateLayout, x: Floats, sd: Floats, age: Floats) -> Ints:
     return flags
 
 
+def health_at_the_end(channel: Channel, tally: Tally) -> SensorState | None:
+    """Of a source that is fused: what is only compared is never judged."""
+    if channel.scored:
+        return None
+    return SensorState(int(tally.states[-1][1])) if tally.states else SensorState.SILENT
+
+
 def accounts(
     f: Filter, collector: Collector, parts: tuple[Records, ...], streams: Mapping[str, Stream], roles: Mapping[str, str]
 ) -> tuple[Account, ...]:
@@ -240,7 +247,7 @@ def accounts(
                 first=tally.first,
                 last=tally.last,
                 nis=tally.nis_sum / tally.dof_sum if tally.dof_sum else float("nan"),
-                state=SensorState(int(tally.states[-1][1])) if tally.states else SensorState.SILENT,
+                state=health_at_the_end(channel, tally),
             )
         )
     fed = {c.stream for c in f.channels}
@@ -251,7 +258,7 @@ def accounts(
             Account(
                 source=name, kind=s.kind.name, role=roles.get(name, "not used"), received=len(s) + s.malformed, used=0,
                 malformed=s.malformed, by_verdict=none, rate=s.rate, first=float("nan"), last=float("nan"),
-                nis=float("nan"), state=SensorState.WARMING,
+                nis=float("nan"), state=None,
             )
         )  # fmt: skip
     return tuple(out)

@@ -99,7 +99,7 @@ def estimate(log: EventLog, cfg: FuseConfig, progress: Progress | None) -> Run:
         health={
             c.name: np.array(t.states).reshape(-1, 2)
             for c, t in zip(chosen.whole.channels, whole.tallies, strict=True)
-            if t.states
+            if t.states and not c.scored
         },
     )
     findings = (*judge(run, chosen, aligned), *log_notes(log))

@@ -6,7 +6,7 @@ from typing import Any, cast
 import numpy as np
 from scipy.special import chdtri
 
-from outrider.data import Account, Estimates, Innovations, Outcome, Reset, Run, Verdict
+from outrider.data import Account, Estimates, Innovations, Outcome, Reset, Run, Trouble, Verdict
 from outrider.errors import ExitCode
 from outrider.io.runs import SCHEMA
 
@@ -28,7 +28,7 @@ def summarise(run: Run) -> dict[str, Any]:
         "datum": _datum(run),
         "figures": figures(run),
         "scored": _all_scored(run),
-        "accounts": [_account(a) for a in run.accounts],
+        "accounts": [_account(a, run) for a in run.listed],
         "findings": [
             {"severity": f.severity, "code": f.code, "source": f.source, "text": f.text, "fix": f.fix}
             for f in run.findings
@@ -123,7 +123,8 @@ def _datum(run: Run) -> dict[str, Any] | None:
     return {"lat_deg": lat, "lon_deg": lon, "alt_m": run.datum.alt, "altitude": run.datum.altitude.lower()}
 
 
-def _account(a: Account) -> dict[str, Any]:
+def _account(a: Account, run: Run) -> dict[str, Any]:
+    worst = run.trouble(a.source)
     return {
         "source": a.source,
         "kind": a.kind,
@@ -136,8 +137,14 @@ def _account(a: Account) -> dict[str, Any]:
         "first_s": a.first,
         "last_s": a.last,
         "nis_per_dof": a.nis,
-        "state": a.state.name.lower(),
+        "nis_per_dof_fused": run.fused_nis(a.source),
+        "state": a.state.name.lower() if a.state is not None else None,
+        "trouble": None if worst is None else _trouble(worst),
     }
+
+
+def _trouble(worst: Trouble) -> dict[str, Any]:
+    return {"state": worst.state.name.lower(), "first_s": worst.first, "times": worst.times}
 
 
 def _counts(by_verdict: Mapping[Verdict, int]) -> dict[str, int]:

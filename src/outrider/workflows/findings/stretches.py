@@ -154,4 +154,4 @@ def when_its_fix(run: Run, s: Stream, kind: Fix) -> str:
     spans = (s.t[order][np.array(stretches(here))] - run.start) * 1e-9
     begin, end = spans[int(np.argmax(spans[:, 1] - spans[:, 0]))]
     many = f"in {len(spans)} stretches, the longest " if len(spans) > 1 else ""
-    return f" while its fix is {kind.name.lower()}, {many}t = {begin:.1f} to {end:.1f} s"
+    return f", while its fix is {kind.name.lower()}, {many}t = {begin:.1f} to {end:.1f} s"
