@@ -123,7 +123,7 @@ def test_health_stands_beside_what_was_gated(tmp_path: Path, lean: Run) -> None:
     run = replace(
         lean,
         innovations={"gnss/fix": wild},
-        health={"gnss/fix": np.array([[0.0, 0], [1, 1], [140, 2], [141, 3], [150, 4], [152, 1], [200, 3], [210, 1]])},
+        health={"gnss/fix": np.array([[0.0, 1], [140, 2], [141, 3], [150, 4], [152, 1], [200, 3], [210, 1]])},
         accounts=(
             replace(gnss, nis=wild.nis_per_dof()),
             replace(scored, role="scored: magnetic", state=None, by_verdict={Verdict.WITHHELD: 300}, used=0),

@@ -81,8 +81,8 @@ def jump_text(run: Run, channel: Channel, i: Innovations, found: list[tuple[int,
     held = int((i.verdict == Verdict.FAULTED).sum())
     text = f"{channel.name}: " + (f"{noun} of " if len(found) == 1 else f"{len(found)} {noun}s, the worst of ")
     text += f"{how_far(i, a, b)} from t = {begin:.1f} to {end:.1f} s: {gated} records gated"
-    text += f", {held} more held back until it agreed again" if held else ""
-    return text + "; the estimate went on without them"
+    text += f", then {held} held back on probation" if held else ""
+    return text + "; the estimate did not follow"
 
 
 def how_far(i: Innovations, a: int, b: int) -> str:
