@@ -31,7 +31,8 @@ _LOCAL_HEADING = (
 _FLAT = " Height is not estimated: the vehicle is planar."
 _NO_SLOW = "This model has no bias or scale, or the log tells nothing about one."
 _HEALTH = "Sources that are only compared have no health. A state lasts until the next record that changes it."
-_SIGMA = "Standard deviations in the site frame; the local one is the larger of its two horizontal ones."
+_SIGMA = "Standard deviations in the site frame."
+_LOCAL_SIGMA = " The local one is the larger of its two horizontal ones."
 
 
 @final
@@ -87,7 +88,7 @@ def _plots(run: Run, reference: Trajectory | None) -> dict[str, object]:
         "error": Plot() if reference is None else _reference(run, reference),
         "innovations": [_innovations(run, name, record) for name, record in run.innovations.items()],
         "sigma": _plot(
-            sigma_figure(run), "position deviation over time", _SIGMA, absent="There is no covariance to show."
+            sigma_figure(run), "position deviation over time", _sigma(run), absent="There is no covariance to show."
         ),
         "slow": _plot(slow_figure(run), "biases and scales over time", "", absent=_NO_SLOW),
         "health": _plot(
@@ -102,9 +103,16 @@ def _plot(figure: Figure | None, name: str, caption: str, *, absent: str = "", t
     return Plot(Markup(to_svg(figure, name)), caption, title)  # our own SVG, escaped by matplotlib
 
 
+def _sigma(run: Run) -> str:
+    return _SIGMA + (_LOCAL_SIGMA if _has_local(run) else "")
+
+
+def _has_local(run: Run) -> bool:
+    return run.local is not None and bool(run.local.t.size)
+
+
 def _motion(run: Run) -> str:
-    local = run.local is not None and run.local.t.size
-    return _HEADING + (_LOCAL_HEADING if local else "") + ("" if has_height(run.fused.pose) else _FLAT)
+    return _HEADING + (_LOCAL_HEADING if _has_local(run) else "") + ("" if has_height(run.fused.pose) else _FLAT)
 
 
 def _map(run: Run, reference: Trajectory | None) -> Plot:
@@ -160,11 +168,12 @@ def _ellipse_caption(pose: Trajectory) -> str:
         return ""
     radius = radius_95(pose, rows)
     best, worst = tables.number(float(radius.min()), "m"), tables.number(float(radius.max()), "m")
-    text = "Each ellipse holds the position with 95 % probability; they stand evenly along the path. "
     hidden = rows.size - shown_ellipses(pose).size
-    if hidden:
-        left = "All" if hidden == rows.size else f"{hidden} of {rows.size}"
-        text += f"{left} are too large for the map and left out. "
+    text = "Each ellipse holds the position with 95 % probability; they stand evenly along the path. "
+    if hidden == rows.size:
+        text = "The 95 % ellipses are too large for the map and left out. "
+    elif hidden:
+        text += f"{hidden} of {rows.size} are too large for the map and left out. "
     return text + f"Larger semi-axis: {best} at best, {worst} at worst."
 
 
