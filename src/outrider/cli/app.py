@@ -279,13 +279,31 @@ def papers(
         str, typer.Option("--format", metavar="FORMAT", help="What to print on stdout: text, html or json.")
     ] = "text",
     seeds: Annotated[
-        int | None, typer.Option("--seeds", metavar="N", help="Runs per case, instead of each experiment's number.")
+        int | None,
+        typer.Option(
+            "--seeds",
+            metavar="N",
+            parser=parse.whole("--seeds", 1),
+            help="Runs per case, instead of each experiment's number.",
+        ),
     ] = None,
     workers: Annotated[
-        int | None, typer.Option("--workers", metavar="N", help="Processes; 0 for none but this one, else all cores.")
+        int | None,
+        typer.Option(
+            "--workers",
+            metavar="N",
+            parser=parse.whole("--workers"),
+            help="Processes; 0 for none but this one, else all cores.",
+        ),
     ] = None,
     trials: Annotated[
-        Path | None, typer.Option("--trials", metavar="DIR", help="Keep every run there, and go on with what it holds.")
+        Path | None,
+        typer.Option(
+            "--trials",
+            metavar="DIR",
+            parser=parse.file("--trials"),
+            help="Keep every run there, and go on with what it holds.",
+        ),
     ] = None,
     output: Output = None,
     force: Force = False,

@@ -136,7 +136,9 @@ def _whole(text: str, least: int, where: str) -> int:
     digits = re.fullmatch(r"\+?(\d{1,99})", text, re.ASCII)
     if digits is None or not least <= int(digits[1]) <= LARGEST:
         upper = f" to {LARGEST}" if digits is not None and int(digits[1]) > LARGEST else ""
-        raise UsageError(f"'{_short(text)}' is no whole number from {least}{upper}", where=_short(where), fix="write it like 5")
+        raise UsageError(
+            f"'{_short(text)}' is no whole number from {least}{upper}", where=_short(where), fix="write it like 5"
+        )
     return int(digits[1])
 
 
