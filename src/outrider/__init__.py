@@ -18,11 +18,16 @@ Datum       A site has one origin (latitude, longitude, height and what the heig
 Randomness  A `numpy.random.Generator` is an argument. The same input and seed give the same bits.
 """
 
-from importlib.metadata import PackageNotFoundError, version
+__all__ = ["__version__"]  # pyright: ignore[reportUnsupportedDunderAll] - see below
 
-try:
-    __version__ = version("outrider")
-except PackageNotFoundError:  # a source tree that was never installed
-    __version__ = "0+unknown"
 
-__all__ = ["__version__"]
+def __getattr__(name: str) -> str:
+    """`__version__`, looked up when asked for: reading the metadata costs a quarter of a help text's time."""
+    if name != "__version__":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version("outrider")
+    except PackageNotFoundError:  # a source tree that was never installed
+        return "0+unknown"

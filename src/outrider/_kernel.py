@@ -7,26 +7,31 @@ in its disk cache (numba issues 2956 and 6264), so models are chosen by integer 
 `NUMBA_DISABLE_JIT=1` runs every kernel as plain Python; the test-suite does so once, for shapes, bounds and coverage.
 
 numba's own cache notices a change of the file that defines a function, not of the files whose functions it calls. The
-cache therefore lives in a folder named after the state of *all* our sources.
+cache therefore lives in a folder named after the state of *all* our sources. Where that folder cannot be read or
+written, everything is compiled in memory, in every process anew.
 """
 
 import hashlib
 import os
 import sys
+import tempfile
 from collections.abc import Callable, Generator
-from contextlib import contextmanager
-from functools import cached_property, update_wrapper
+from contextlib import contextmanager, suppress
+from functools import cache, cached_property, update_wrapper
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
+from numba.core import caching
 from numba.core.event import TimingListener, install_listener
 
 F = TypeVar("F", bound=Callable[..., object])
 
 _PACKAGE = Path(__file__).parent
+_CACHE_SIZE = 1 << 23  # bytes that one process's kernels need on the disk, about
 
 
+@cache
 def _sources_stamp() -> str:
     """A short name that changes whenever one of our source files does (name, size and modification time)."""
     digest = hashlib.blake2s(f"{sys.version_info[:3]} {numba.__version__}".encode(), digest_size=8)
@@ -38,11 +43,36 @@ def _sources_stamp() -> str:
     return digest.hexdigest()
 
 
-def cache_directory() -> Path:
-    """Where compiled kernels are kept: `$OUTRIDER_CACHE`, else the user's cache folder."""
-    root = os.environ.get("OUTRIDER_CACHE")
-    base = Path(root) if root else Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "outrider"
-    return base / "kernels" / _sources_stamp()
+def cache_directory() -> Path | None:
+    """Where compiled kernels are kept: `$OUTRIDER_CACHE`, else the user's cache folder; None for a user without one."""
+    chosen, usual = os.environ.get("OUTRIDER_CACHE"), os.environ.get("XDG_CACHE_HOME")
+    with suppress(RuntimeError):  # no $HOME, and the system does not know the user either
+        base = Path(chosen) if chosen else (Path(usual) if usual else Path.home() / ".cache") / "outrider"
+        return base / "kernels" / _sources_stamp()
+    return None
+
+
+def _kept_in() -> Path | None:
+    """The folder in use: numba's own variable stands over ours."""
+    told = str(numba.config.CACHE_DIR)  # type: ignore[attr-defined]
+    return Path(told) if told else cache_directory()
+
+
+def cache_fault(*, tried: bool = False) -> str:
+    """Why compiled kernels cannot be kept, with the folder; empty if they can, or could so far (`tried`)."""
+    if tried:
+        return _Cache.fault
+    folder = _kept_in()
+    if folder is None:
+        return "there is no home folder"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder) as f:
+            f.write(bytes(_CACHE_SIZE))
+            f.flush()
+    except OSError as e:
+        return f"{folder}: {(e.strerror or str(e)).lower()}"
+    return ""
 
 
 def enabled() -> bool:
@@ -52,7 +82,41 @@ def enabled() -> bool:
 
 def is_warm() -> bool:
     """Whether an earlier run has left compiled kernels on the disk."""
-    return not enabled() or any(Path(numba.config.CACHE_DIR).rglob("*.nbc"))  # type: ignore[attr-defined]
+    folder = _kept_in()
+    return not enabled() or (folder is not None and any(folder.rglob("*.nbc")))
+
+
+class _Place(caching.CompileResultCacheImpl._locator_classes[0]):  # type: ignore[misc]
+    """A folder that need not be writable: it may hold what somebody else has compiled."""
+
+    @classmethod
+    def from_function(cls, py_func: Any, py_file: str) -> Any:
+        return cls(py_func, py_file)
+
+
+class _Entry(caching.CompileResultCacheImpl):
+    _locator_classes = (_Place,)
+
+
+class _Cache(caching.FunctionCache):
+    """numba's cache, which a fault of the disk does not stop."""
+
+    _impl_class = _Entry
+    fault = ""  # the last one, of any function
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        with suppress(Exception):  # unreadable or damaged: compiled again
+            return super().load_overload(sig, target_context)
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        try:
+            super().save_overload(sig, data)
+        except OSError as e:
+            _Cache.fault = f"{_kept_in()}: {(e.strerror or str(e)).lower()}"
+        except Exception:  # a damaged index
+            with suppress(OSError):
+                self.flush()
+                super().save_overload(sig, data)
 
 
 @contextmanager
@@ -64,23 +128,24 @@ def compiling() -> Generator[Callable[[], float], None, None]:
 
 def _compile(function: Callable[..., object], *, callable_from_python: bool, inline: bool = False) -> Any:
     """numba's dispatcher. The two kinds differ by a flag that numba's cache does not look at: two folders."""
-    kept = numba.config.CACHE_DIR  # type: ignore[attr-defined]
-    root = Path(kept) if kept else cache_directory()
-    numba.config.CACHE_DIR = str(root / ("calls" if callable_from_python else "links"))  # type: ignore[attr-defined]
-    try:
-        decorate: Any = numba.njit  # its stubs do not know the private options
-        return decorate(
-            cache=True,
-            nogil=True,
-            error_model="numpy",
-            fastmath={"contract"},
-            no_cfunc_wrapper=True,
-            no_cpython_wrapper=not callable_from_python,
-            _nrt=False,
-            forceinline=inline,
-        )(function)
-    finally:
-        numba.config.CACHE_DIR = kept  # type: ignore[attr-defined]
+    decorate: Any = numba.njit  # its stubs do not know the private options
+    made = decorate(
+        nogil=True,
+        error_model="numpy",
+        fastmath={"contract"},
+        no_cfunc_wrapper=True,
+        no_cpython_wrapper=not callable_from_python,
+        _nrt=False,
+        forceinline=inline,
+    )(function)
+    if (root := _kept_in()) is not None:
+        told = numba.config.CACHE_DIR  # type: ignore[attr-defined]
+        numba.config.CACHE_DIR = str(root / ("calls" if callable_from_python else "links"))  # type: ignore[attr-defined]
+        try:
+            made._cache = _Cache(function)  # what cache=True does, with ours instead of numba's
+        finally:
+            numba.config.CACHE_DIR = told  # type: ignore[attr-defined]
+    return made
 
 
 class Kernel:

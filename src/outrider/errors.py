@@ -11,7 +11,10 @@ class ExitCode(IntEnum):
     USAGE = 2  # command line or configuration
     BAD_DATA = 3  # a log that cannot be read or holds nothing usable
     LINK_LOST = 4  # a live source went silent
+    HUNG_UP = 129  # 128 + signal, as shells report it
     INTERRUPTED = 130
+    UNREAD = 141  # nobody reads stdout any more
+    TERMINATED = 143
 
 
 class OutriderError(Exception):

@@ -1,6 +1,7 @@
 """Whatever is given: one clear line on stderr, the right exit code, no traceback, and nothing written."""
 
 import json
+import os
 import shutil
 import sqlite3
 from dataclasses import replace
@@ -21,13 +22,36 @@ COMMAND_LINES = {
     "{log} --start soon": "--start",
     "{log} --start nan": "no finite number",
     "{log} --start 5 --end 4": "ends before it starts",
-    "{log} --mount imu": "write FRAME=x,y,z,roll,pitch,yaw",
+    "{log} --mount imu": "write FRAME=x,y,z or FRAME=x,y,z,roll,pitch,yaw",
     "{log} --mount imu=1,2": "has 2 numbers",
     "{log} --mount imu=1,2,x": "no number",
-    "{log} --mount imu=1,2,nan": "no number",
-    "{log} --datum 100,2": "lat_deg",
-    "{log} --datum 10": "has 1 numbers",
+    "{log} --mount imu=1,2,nan": "no finite number",
+    "{log} --mount imu=1,2,1_0": "no number",
+    "{log} --mount imu=1,2,3 --mount imu=3,2,1": "'imu' is there twice",
+    "{log} --datum 100,2,0": "command line: datum.lat_deg: should be 90 or less, is 100.0",
+    "{log} --datum 10,2": "the height is missing (write LAT,LON,ALT",
+    "{log} --datum 10": "has 1 number (write LAT,LON,ALT",
+    "{log} --datum 49,9,8,9,0": "has 5 numbers",
     "{log} --withhold /gnss=1": "whole number from 2",
+    "{log} --withhold /gnss={digits}": "no whole number from 2",
+    "{log} --seed -1": "no whole number from 0",
+    "{log} --seed 1.5": "no whole number from 0",
+    "{log} --seed {digits}": "no whole number from 0",
+    "{log} --seed 9223372036854775808": "no whole number from 0 to 9223372036854775807",
+    "{log} --end inf": "no finite number",
+    "{log} --end -3": "is before the log begins",
+    "none.mcap -o full": "none.mcap",  # the log before the folder
+    "{log} --end -1 -o full": "is before the log begins",
+    "{log} --mapping none.yaml -o full": "leave the mapping out",
+    "pipe -o full": "a pipe or a device",
+    "{log} -c pipe": "is a pipe",
+    "loop": "too many levels of symbolic links",
+    "{long}": "file name too long",
+    "{log} -c {long}": "file name too long",
+    "{log} -o {long}": "file name too long",
+    "{log} -o loop": "not a directory",
+    "{log} -o loop/run": "too many levels of symbolic links",
+    "{log} -o {log}/run": "not a directory",
     "{log} --withhold /gnss": "write SOURCE=N",
     "{log} --withhold /gps=5": "no source '/gps'",
     "{log} --preset fast": "default, amr2025, robot_localization",
@@ -43,6 +67,8 @@ CONFIGS = {
     "sources: {/gnss: {gaet: 0.9}}": "did you mean 'gate'",
     "seed: 1\nseed: 2": "there twice",
     "seed: [": "not YAML",
+    "seed: 1e9": "write 1000000000",
+    "local: yes": "write true",
     "sources: {/gnss: {sigma: [1, 2]}}": "2 standard deviations",
     "outages_s: {/gnss: [[5, 4]]}": "ends before it starts",
     "sources: {/imu: {use: ignore}}\nmotion: strapdown": "needs an IMU",
@@ -60,8 +86,11 @@ def refused(done: Any, code: int, words: str, folder: Path, before: set[str]) ->
 def test_command_lines(outrider: Any, recording: Path, tmp_path: Path, line: str) -> None:
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "config.yaml").write_text("precious")
-    done = outrider("fuse", *line.format(log=recording).split())
-    refused(done, USAGE, COMMAND_LINES[line], tmp_path, {"full"})
+    (tmp_path / "loop").symlink_to("loop")
+    os.mkfifo(tmp_path / "pipe")
+    done = outrider("fuse", *line.format(log=recording, digits="9" * 5000, long="n" * 300).split())
+    code = USAGE if line.startswith("{log}") or not line else BAD_DATA
+    refused(done, code, COMMAND_LINES[line], tmp_path, {"full", "loop", "pipe"})
     assert (tmp_path / "full" / "config.yaml").read_text() == "precious"
 
 
@@ -69,6 +98,47 @@ def test_command_lines(outrider: Any, recording: Path, tmp_path: Path, line: str
 def test_configurations(outrider: Any, recording: Path, tmp_path: Path, text: str) -> None:
     (tmp_path / "c.yaml").write_text(text)
     refused(outrider("fuse", recording, "-c", "c.yaml"), USAGE, CONFIGS[text], tmp_path, {"c.yaml"})
+
+
+EMPTY = {
+    "LOG": ("fuse", ""),
+    "--config": ("fuse", "{log}", "-c", ""),
+    "--output": ("fuse", "{log}", "-o", ""),
+    "--mapping": ("fuse", "{log}", "--mapping", ""),
+    "--seed": ("fuse", "{log}", "--seed", ""),
+    "--start": ("fuse", "{log}", "--start", ""),
+    "--datum": ("fuse", "{log}", "--datum", ""),
+    "--mount": ("fuse", "{log}", "--mount", ""),
+    "--withhold": ("fuse", "{log}", "--withhold", ""),
+    "preset": ("fuse", "{log}", "--preset", ""),
+    "--topic": ("fuse", "{log}", "--topic", ""),
+    "ESTIMATE": ("compare", "", "{log}"),
+    "REFERENCE": ("compare", "{log}", ""),
+    "--align": ("compare", "{log}", "{log}", "--align", ""),
+    "--max-rmse": ("compare", "{log}", "{log}", "--max-rmse", ""),
+}
+
+
+@pytest.mark.parametrize("word", EMPTY)
+def test_an_empty_word_is_no_file_and_no_value(outrider: Any, recording: Path, tmp_path: Path, word: str) -> None:
+    """`outrider fuse "$LOG"` with an unset variable must not fuse the current folder."""
+    shutil.copy(recording, tmp_path / "log.mcap")
+    done = outrider(*(a.format(log="log.mcap") for a in EMPTY[word]))
+    refused(done, USAGE, word, tmp_path, {"log.mcap"})
+
+
+def test_a_file_name_that_breaks_lines_breaks_none(outrider: Any, tmp_path: Path) -> None:
+    refused(outrider("fuse", "two\nlines \x1b[31m.mcap"), BAD_DATA, r"two\nlines \x1b[31m.mcap", tmp_path, set())
+
+
+def test_a_file_name_of_any_bytes(outrider: Any, recording: Path, tmp_path: Path) -> None:
+    name = os.fsdecode(b"[b]ad\xff \xc3\xbc.mcap")
+    shutil.copy(recording, tmp_path / name)
+    listed = outrider("sources", name, "--json")
+    assert listed.code == 0 and json.loads(listed.out)["log"]["path"] == r"[b]ad\xff ü.mcap"
+    done = outrider("fuse", name, "--json")
+    assert done.code == 0 and json.loads(done.out)["log"]["path"] == r"[b]ad\xff ü.mcap"
+    assert (tmp_path / name.replace(".mcap", "-run") / "report.html").is_file()
 
 
 def test_files_that_are_no_log(outrider: Any, recording: Path, tmp_path: Path) -> None:
@@ -83,6 +153,7 @@ def test_files_that_are_no_log(outrider: Any, recording: Path, tmp_path: Path) -
         "cut.ulg": b"ULog\x01\x12\x35\x01",
         "picture.jpg": b"\xff\xd8\xff\xe0" + bytes(100),
         "table.csv": b"t,x,y\n1,2,3\n",
+        "wide.csv": "t,x,y\n1,2,3\n".encode("utf-16"),
     }
     for name, content in contents.items():
         (tmp_path / name).write_bytes(content)
@@ -101,6 +172,7 @@ def test_a_database_that_is_no_bag(outrider: Any, tmp_path: Path) -> None:
 def test_topics_and_times_that_are_not_there(outrider: Any, recording: Path, tmp_path: Path) -> None:
     refused(outrider("fuse", recording, "--topic", "/gns"), BAD_DATA, "did you mean '/gnss'?", tmp_path, set())
     refused(outrider("fuse", recording, "--start", 500), BAD_DATA, "time span", tmp_path, set())
+    refused(outrider("fuse", recording, "--topic", ""), USAGE, "--topic", tmp_path, set())
 
 
 def test_compare_with_what_is_no_trajectory(outrider: Any, recording: Path, tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """YAML with line numbers: every fault is one line that names the place."""
 
+import math
 from pathlib import Path
 
 import pytest
@@ -15,7 +16,8 @@ FAULTS = {
     "- 1\n- 2\n": (1, "no mapping"),
     "just words": (1, "no mapping"),
     "a: !!python/object:os.system {}": (1, "is not YAML"),
-    "when: 2024-13-45": (0, "is not YAML"),
+    "when: !!timestamp 2024-13-45": (0, "is not YAML"),
+    f"seed: {'9' * 5000}": (0, "is not YAML"),
     "[" * 3000: (0, "nested too deeply|is not YAML"),
     "a: \x07": (0, "is not YAML"),
 }
@@ -39,6 +41,23 @@ def test_plain_files(tmp_path: Path) -> None:
         assert read_yaml(path) == {}
     path.write_text("base: &b {x: 1}\nmore: {<<: *b, y: 2}\nname: müll\n", encoding="utf-8")
     assert read_yaml(path) == {"base": {"x": 1}, "more": {"x": 1, "y": 2}, "name": "müll"}
+
+
+VALUES = {
+    "1": 1, "-3": -3, "+3": 3, "010": 10, "1e9": 1e9, "1E-3": 1e-3, "1.": 1.0, ".5": 0.5, "-1.5e+2": -150.0,
+    ".inf": math.inf, "-.inf": -math.inf, "true": True, "False": False, "~": None, "null": None, "": None,
+    "yes": "yes", "on": "on", "Off": "Off", "n": "n", "0x10": "0x10", "0b1": "0b1", "1_000": "1_000", "12:30": "12:30",
+    "2024-05-01": "2024-05-01", "'1'": "1", '"1e9"': "1e9", "1,5": "1,5", "e3": "e3", "=": "=", ".": ".",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("text", VALUES)
+def test_values_are_what_they_look_like(tmp_path: Path, text: str) -> None:
+    """The core schema of YAML 1.2, not the older one that makes minutes, dates and octal numbers of plain words."""
+    path = tmp_path / "c.yaml"
+    path.write_text(f"a: {text}\n")
+    value = read_yaml(path)["a"]
+    assert value == VALUES[text] and type(value) is type(VALUES[text])
 
 
 def test_what_is_no_text_is_refused_before_it_is_read(tmp_path: Path) -> None:

@@ -89,11 +89,14 @@ def test_a_commented_header_and_a_file_without_one(tmp_path: Path) -> None:
         (HEADING.replace("HEADING", "HEDING"), "streams.compass.kind.*did you mean 'HEADING'"),
         (HEADING.replace("heading: deg", "heading: degrees"), "streams.compass.units.*no unit 'degrees'"),
         (HEADING.replace("heading: azimuth", "head: azimuth"), "streams.compass: HEADING has no column 'head'"),
-        (HEADING.replace("frame: ned", "farme: ned"), "streams.compass.farme.*not permitted"),
-        (HEADING.replace("{column: t}", "{unit: s}"), "time.column.*required"),
+        (
+            HEADING.replace("frame: ned", "farme: ned"),
+            "m.yaml:.*streams.compass.farme: unknown key .did you mean 'frame'",
+        ),
+        (HEADING.replace("{column: t}", "{unit: s}"), "time.column: is missing"),
         (HEADING.replace("frame: ned", "sigma: [1, 2]"), "needs 1 or 1 standard deviations, got 2"),
         ("{", "not YAML"),
-        ("3", "the file"),
+        ("3", "no mapping of keys to values"),
     ],
 )
 def test_faults_of_the_mapping_name_their_place(tmp_path: Path, mapping: str, says: str) -> None:

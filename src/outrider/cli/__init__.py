@@ -2,8 +2,18 @@
 
 import sys
 from collections.abc import Sequence
+from errno import EDQUOT, EFBIG, ENOSPC
 
+from outrider.cli.output import Unwritten, tell, watched_stdout
+from outrider.cli.stop import Stopped, stoppable
 from outrider.errors import ExitCode, OutriderError
+
+FULL = (ENOSPC, EDQUOT, EFBIG)
+STOPPED = {
+    ExitCode.INTERRUPTED: "interrupted",
+    ExitCode.TERMINATED: "terminated",
+    ExitCode.HUNG_UP: "hung up",
+}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -12,25 +22,47 @@ def main(arguments: Sequence[str] | None = None) -> int:
     from outrider.cli.app import app
 
     try:
-        code = app(arguments or ["--help"], prog_name="outrider", standalone_mode=False)
+        with stoppable(), watched_stdout():
+            code = int(app(arguments or ["--help"], prog_name="outrider", standalone_mode=False) or 0)
     except OutriderError as e:
         return _fail(str(e), e.exit_code, arguments)
+    except Unwritten as e:
+        return ExitCode.UNREAD if e.quiet else _fail(f"stdout: cannot be written: {e}", ExitCode.USAGE, arguments)
+    except Stopped as e:
+        code = e.code
     except KeyboardInterrupt:
         code = ExitCode.INTERRUPTED
+    except MemoryError:
+        return _fail("not enough memory (--topic, --start and --end read less of a log)", ExitCode.USAGE, arguments)
     except Exception as e:
+        if isinstance(e, OSError) and (e.filename or e.errno in FULL):  # not ours to foresee
+            from tempfile import gettempdir
+
+            where = e.filename or f"temporary files in {gettempdir()}"
+            return _fail(f"{where}: {(e.strerror or str(e)).lower()}", ExitCode.USAGE, arguments)
         if callable(worded := getattr(e, "format_message", None)):  # the parser's own complaints
-            return _fail(str(worded()).rstrip("."), ExitCode.USAGE, arguments)
+            return _fail(_with_remedy(str(worded())), ExitCode.USAGE, arguments)
         what = " ".join(f"{type(e).__name__}: {e}".split())
         return _fail(f"internal error, {what} (rerun with --debug and report it)", ExitCode.FAILED_CHECK, arguments)
-    if code == ExitCode.INTERRUPTED:
-        return _fail("interrupted, nothing was written", ExitCode.INTERRUPTED, ())
-    return int(code or 0)
+    if code in STOPPED:  # the parser answers Ctrl-C with the code
+        return _fail(f"{STOPPED[ExitCode(code)]}, nothing was written", ExitCode(code), ())
+    return code
 
 
 def _fail(text: str, code: ExitCode, arguments: Sequence[str]) -> int:
     if "--debug" in arguments:
         import traceback
 
-        traceback.print_exc()
-    sys.stderr.write(f"outrider: {text}\n")
+        tell(traceback.format_exc())
+    tell(f"outrider: {_one_line(text)}\n")
     return int(code)
+
+
+def _with_remedy(complaint: str) -> str:
+    text = " ".join(complaint.split()).rstrip(".")
+    return text if text.endswith(")") else f"{text} (--help tells what there is)"
+
+
+def _one_line(text: str) -> str:
+    """Whatever a file name holds: no line break, nothing that a terminal obeys."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode() for c in text)

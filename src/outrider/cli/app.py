@@ -18,25 +18,49 @@ app = typer.Typer(
 )
 
 LogFile = Annotated[
-    Path, typer.Argument(metavar="LOG", help="A recording: .bag, .mcap, .db3 or ROS 2 bag, .ulg, .bin, .tlog, .csv.")
+    Path,
+    typer.Argument(
+        metavar="LOG",
+        parser=parse.file("LOG"),
+        help="A recording: .bag, .mcap, .db3 or ROS 2 bag, .ulg, .bin, .tlog, .csv.",
+    ),
 ]
 ConfigFile = Annotated[
-    Path | None, typer.Option("--config", "-c", metavar="FILE", help="YAML, see `outrider schema fuse`.")
+    Path | None,
+    typer.Option(
+        "--config", "-c", metavar="FILE", parser=parse.file("--config"), help="YAML, see `outrider schema fuse`."
+    ),
 ]
-Output = Annotated[Path | None, typer.Option("--output", "-o", metavar="DIR", help="Folder for the results.")]
+FOLDER = typer.Option("--output", "-o", metavar="DIR", parser=parse.file("--output"), help="Folder for the results.")
+Output = Annotated[Path | None, FOLDER]
 Force = Annotated[bool, typer.Option("--force", help="Replace an earlier result in that folder.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document, nothing else, on stdout.")]
 Topics = Annotated[
-    list[str] | None, typer.Option("--topic", metavar="NAME", help="Read only this topic; may be repeated.")
+    list[str] | None,
+    typer.Option(
+        "--topic", metavar="NAME", parser=parse.name("--topic"), help="Read only this topic; may be repeated."
+    ),
 ]
 Start = Annotated[
-    float | None, typer.Option("--start", metavar="S", help="Leave out what is before, in seconds of the log.")
+    float | None,
+    typer.Option(
+        "--start", metavar="S", parser=parse.number("--start"), help="Leave out what is before, in seconds of the log."
+    ),
 ]
 End = Annotated[
-    float | None, typer.Option("--end", metavar="S", help="Leave out what is after, in seconds of the log.")
+    float | None,
+    typer.Option(
+        "--end", metavar="S", parser=parse.number("--end"), help="Leave out what is after, in seconds of the log."
+    ),
 ]
 Mapping = Annotated[
-    Path | None, typer.Option("--mapping", metavar="FILE", help="YAML that says what the columns of a CSV are.")
+    Path | None,
+    typer.Option(
+        "--mapping",
+        metavar="FILE",
+        parser=parse.file("--mapping"),
+        help="YAML that says what the columns of a CSV are.",
+    ),
 ]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, and only the outcome.")]
 Debug = Annotated[bool, typer.Option("--debug", help="Show where an error comes from.")]
@@ -67,7 +91,10 @@ def fuse(
     output: Output = None,
     force: Force = False,
     json: AsJson = False,
-    seed: Annotated[int | None, typer.Option("--seed", metavar="N", help="Seed of everything random.")] = None,
+    seed: Annotated[
+        int | None,
+        typer.Option("--seed", metavar="N", parser=parse.whole("--seed"), help="Seed of everything random."),
+    ] = None,
     preset: Annotated[
         str | None, typer.Option("--preset", metavar="NAME", help="default, amr2025 or robot_localization.")
     ] = None,
@@ -100,16 +127,21 @@ def fuse(
     from outrider.workflows.settings import load_config
 
     settings = load_config(config, overrides)
-    folder = output or Path(f"{log.resolve().stem}-run")
     from outrider.cli.progress import Progress
+    from outrider.io.files import as_text
+    from outrider.io.registry import check_input
     from outrider.io.runs import ensure_free
 
+    check_input(log, start_s=start, end_s=end, mapping=mapping)  # before the compiler is loaded
+    folder = output or Path(f"{log.resolve().stem}-run")
+    _hush_matplotlib()
     ensure_free(folder, force=force)
     with Progress(quiet=quiet) as progress:
         from outrider.workflows.fuse_file import Input, document, fuse_file
 
         source = Input(log=log, topics=topic, start_s=start, end_s=end, mapping=mapping)
-        command = shlex.join(["outrider", *sys.argv[1:]]) if sys.argv[0].endswith("outrider") else ""
+        typed = [as_text(a) for a in sys.argv]
+        command = shlex.join(["outrider", *typed[1:]]) if typed[0].endswith("outrider") else ""
         run = fuse_file(source, folder, settings, force=force, report=report, command=command, progress=progress)
     from outrider.cli import render
     from outrider.workflows.summary import exit_code
@@ -124,21 +156,44 @@ def fuse(
 @app.command(short_help="Compare a trajectory with a reference.")
 def compare(
     estimate: Annotated[
-        Path, typer.Argument(metavar="ESTIMATE", help="Run folder, TUM, CSV, Parquet, or a log with an estimate.")
+        Path,
+        typer.Argument(
+            metavar="ESTIMATE",
+            parser=parse.file("ESTIMATE"),
+            help="Run folder, TUM, CSV, Parquet, or a log with an estimate.",
+        ),
     ],
-    reference: Annotated[Path, typer.Argument(metavar="REFERENCE", help="The same, taken as true.")],
+    reference: Annotated[
+        Path,
+        typer.Argument(metavar="REFERENCE", parser=parse.file("REFERENCE"), help="The same, taken as true."),
+    ],
     max_gap: Annotated[
-        float, typer.Option("--max-gap", metavar="S", help="Longest gap of the estimate to interpolate over.")
+        float,
+        typer.Option(
+            "--max-gap",
+            metavar="S",
+            parser=parse.number("--max-gap", above=0),
+            help="Longest gap of the estimate to interpolate over.",
+        ),
     ] = 0.5,
     align: Annotated[
         str, typer.Option("--align", metavar="MOTION", help="none, yaw, se2 or se3: taken out before errors count.")
     ] = "none",
-    topic: Annotated[str | None, typer.Option("--topic", metavar="NAME", help="Which estimate of a log.")] = None,
+    topic: Annotated[
+        str | None,
+        typer.Option("--topic", metavar="NAME", parser=parse.name("--topic"), help="Which estimate of a log."),
+    ] = None,
     output: Output = None,
     force: Force = False,
     json: AsJson = False,
     max_rmse: Annotated[
-        float | None, typer.Option("--max-rmse", metavar="M", help="Exit with 1 if the horizontal RMSE is larger.")
+        float | None,
+        typer.Option(
+            "--max-rmse",
+            metavar="M",
+            parser=parse.number("--max-rmse", least=0),
+            help="Exit with 1 if the horizontal RMSE is larger.",
+        ),
     ] = None,
     debug: Debug = False,
 ) -> int:
@@ -146,6 +201,7 @@ def compare(
     from outrider.cli import render
     from outrider.workflows.compare import compare_files
 
+    _hush_matplotlib()
     done = compare_files(estimate, reference, max_gap_s=max_gap, align=align, topic=topic, output=output, force=force)
     code = ExitCode.OK if done.within(max_rmse) else ExitCode.FAILED_CHECK
     if json:
@@ -156,11 +212,11 @@ def compare(
 
 @app.command(short_help="Simulate, record, fuse and compare a patrol: start here.")
 def demo(
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the results.")] = Path(
-        "outrider-demo"
-    ),
+    output: Annotated[Path, FOLDER] = Path("outrider-demo"),
     force: Force = False,
-    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Another patrol with other noise.")] = 1,
+    seed: Annotated[
+        int, typer.Option("--seed", metavar="N", parser=parse.whole("--seed"), help="Another patrol with other noise.")
+    ] = 1,
     json: AsJson = False,
     quiet: Quiet = False,
     debug: Debug = False,
@@ -168,6 +224,7 @@ def demo(
     """Record a simulated patrol with the faults of the field, fuse it, and compare with what really happened."""
     from outrider.cli.progress import Progress
 
+    _hush_matplotlib()
     with Progress(quiet=quiet) as progress:
         from outrider.workflows.demo import run_demo
 
@@ -222,13 +279,31 @@ def papers(
         str, typer.Option("--format", metavar="FORMAT", help="What to print on stdout: text, html or json.")
     ] = "text",
     seeds: Annotated[
-        int | None, typer.Option("--seeds", metavar="N", help="Runs per case, instead of each experiment's number.")
+        int | None,
+        typer.Option(
+            "--seeds",
+            metavar="N",
+            parser=parse.whole("--seeds", 1),
+            help="Runs per case, instead of each experiment's number.",
+        ),
     ] = None,
     workers: Annotated[
-        int | None, typer.Option("--workers", metavar="N", help="Processes; 0 for none but this one, else all cores.")
+        int | None,
+        typer.Option(
+            "--workers",
+            metavar="N",
+            parser=parse.whole("--workers"),
+            help="Processes; 0 for none but this one, else all cores.",
+        ),
     ] = None,
     trials: Annotated[
-        Path | None, typer.Option("--trials", metavar="DIR", help="Keep every run there, and go on with what it holds.")
+        Path | None,
+        typer.Option(
+            "--trials",
+            metavar="DIR",
+            parser=parse.file("--trials"),
+            help="Keep every run there, and go on with what it holds.",
+        ),
     ] = None,
     output: Output = None,
     force: Force = False,
@@ -263,3 +338,10 @@ def _print_json(document: dict[str, Any], code: ExitCode) -> int:
 
     typer.echo(as_json(document))
     return code
+
+
+def _hush_matplotlib() -> None:
+    """It logs to stderr, at length, where it keeps its fonts if the home folder is read-only."""
+    import logging
+
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)

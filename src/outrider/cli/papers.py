@@ -35,10 +35,6 @@ def print_papers(
 ) -> int:
     """Everything that can be refused is refused before anything is computed."""
     _check(form, FORMATS)
-    if seeds is not None and seeds < 1:
-        raise UsageError("is too small", where=f"--seeds {seeds}", fix="give 1 or more")
-    if workers is not None and workers < 0:
-        raise UsageError("is too small", where=f"--workers {workers}", fix="give 0 or more")
     from outrider.campaign.papers import Work, find_paper, make_document, paper_names, write_folder
     from outrider.campaign.papers.document import PAGE, ensure_free
     from outrider.cli.progress import Progress

@@ -5,6 +5,8 @@ import time
 from types import TracebackType
 from typing import TYPE_CHECKING, final
 
+from outrider.cli.output import tell
+
 if TYPE_CHECKING:
     from rich.progress import Progress as Bar
     from rich.progress import TaskID
@@ -21,9 +23,10 @@ class Progress:
         self._bar: Bar | None = None
         self._tasks: dict[str, TaskID] = {}
         self._said = time.monotonic()
+        self._fault = ""  # why compiled kernels cannot be kept, once that has been said
 
     def __enter__(self) -> "Progress":
-        if not self.quiet and sys.stderr.isatty():
+        if not self.quiet and sys.stderr is not None and sys.stderr.isatty():
             from rich.console import Console
             from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
@@ -37,6 +40,9 @@ class Progress:
     ) -> None:
         if self._bar is not None:
             self._bar.stop()
+            self._bar = None
+        if error is None:
+            self._notice_not_kept()
 
     def __call__(self, what: str, share: float) -> None:
         if what == "fusing" and share == 0.0:
@@ -56,11 +62,26 @@ class Progress:
         if self._bar is not None:
             self._bar.console.print(text, highlight=False)
         else:
-            sys.stderr.write(f"outrider: {text}\n")
+            tell(f"outrider: {text}\n")
 
     def _notice_compiling(self) -> None:
         """Say so if the first use of the kernels is going to take its time."""
         from outrider import _kernel  # imports the compiler
 
-        if not _kernel.is_warm():
+        if _kernel.is_warm():
+            return
+        self._fault = _kernel.cache_fault()
+        if self._fault:
+            self.say(f"compiling kernels, which takes a minute in every run: {_not_kept(self._fault)}")
+        else:
             self.say("compiling kernels, once: this takes a minute, later runs start at once")
+
+    def _notice_not_kept(self) -> None:
+        """Say so if the disk was full in the middle of it."""
+        kernel = sys.modules.get("outrider._kernel")
+        if not self._fault and kernel is not None and (fault := kernel.cache_fault(tried=True)):
+            self.say(f"some kernels were compiled and will be again in the next run: {_not_kept(fault)}")
+
+
+def _not_kept(fault: str) -> str:
+    return f"they cannot be kept, {fault} (OUTRIDER_CACHE names another folder)"

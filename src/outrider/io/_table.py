@@ -43,7 +43,7 @@ class Rows:
 
 def header_of(path: Path, delimiter: str, names: Sequence[str] | None) -> Header:
     """The column names: given, or the first line, or the last comment line (# or %) if the rows follow it directly."""
-    with path.open(encoding="utf-8", errors="replace") as f:
+    with path.open(encoding="utf-8-sig", errors="replace") as f:
         comments: list[str] = []
         first = ""
         for line in f:
@@ -113,7 +113,7 @@ def _lines(f: BinaryIO, skip: int, size: int, progress: Progress | None) -> Iter
         if progress is not None and number % REPORT_EVERY == 0:
             progress(done, size)
         if number >= skip and line[:1] not in (b"#", b"%"):
-            yield line.decode("utf-8", "replace").replace("\0", "")
+            yield line.decode("utf-8-sig" if number == 0 else "utf-8", "replace").replace("\0", "")
 
 
 def _numbers(cells: list[str]) -> tuple[Floats, Bools]:

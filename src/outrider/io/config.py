@@ -1,14 +1,28 @@
-"""YAML files as plain dicts; every fault is named with its file and its line."""
+"""YAML files as plain dicts; every fault is named with its file and its line.
 
+Values are read by the core schema of YAML 1.2: `1e9` is a number and `010` is ten, `yes` and `on` are words, nothing
+turns into a date or into minutes. The older rules that PyYAML follows would turn each of these into something else.
+"""
+
+import re
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from outrider.errors import ConfigError
 
 if TYPE_CHECKING:
-    from yaml import Node
+    from yaml import Node, SafeLoader
 
+CORE = {  # tag -> what is one, and the letters that it begins with
+    "null": (r"~|null|Null|NULL|", ["~", "n", "N", ""]),
+    "bool": (r"true|True|TRUE|false|False|FALSE", list("tTfF")),
+    "int": (r"[-+]?[0-9]+", list("-+0123456789")),
+    "float": (r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)",
+              list("-+.0123456789")),
+    "merge": (r"<<", ["<"]),
+}  # fmt: skip
 LARGEST = 1 << 20  # bytes: what is longer was not written by hand, and is probably the log
 
 
@@ -21,7 +35,7 @@ def read_yaml(path: Path) -> dict[str, Any]:
 
     text = _text(path)
     try:
-        loader = yaml.SafeLoader(text)
+        loader = _core_loader()(text)
         node = loader.get_single_node()
         if node is None:
             return {}
@@ -30,7 +44,7 @@ def read_yaml(path: Path) -> dict[str, Any]:
     except yaml.MarkedYAMLError as e:
         line = e.problem_mark.line + 1 if e.problem_mark else 0
         raise ConfigError(f"is not YAML: {e.problem or e.context}", where=at_line(path, line)) from None
-    except (yaml.YAMLError, ValueError) as e:  # a control character; a date that does not exist
+    except (yaml.YAMLError, ValueError) as e:  # a control character; a number of thousands of digits
         raise ConfigError(f"is not YAML: {str(e).splitlines()[0]}", where=str(path)) from None
     except RecursionError:
         raise ConfigError("is nested too deeply", where=str(path)) from None
@@ -44,7 +58,7 @@ def line_of(path: Path, keys: Sequence[str | int]) -> int:
     import yaml
 
     try:
-        node = yaml.compose(_text(path), Loader=yaml.SafeLoader)
+        node = yaml.compose(_text(path), Loader=_core_loader())
     except (ConfigError, yaml.YAMLError, RecursionError):
         return 0
     line = 0
@@ -61,8 +75,23 @@ def at_line(path: Path | str, line: int) -> str:
     return f"{path}:{line}" if line else str(path)
 
 
+@cache
+def _core_loader() -> "type[SafeLoader]":
+    import yaml
+
+    class Core(yaml.SafeLoader):
+        yaml_implicit_resolvers = {}  # noqa: RUF012 - as in the base class; filled below
+
+    for tag, (pattern, first) in CORE.items():
+        Core.add_implicit_resolver(f"tag:yaml.org,2002:{tag}", re.compile(rf"^(?:{pattern})$"), first)
+    Core.add_constructor("tag:yaml.org,2002:int", lambda _, node: int(node.value))
+    return Core
+
+
 def _text(path: Path) -> str:
     try:
+        if path.is_fifo() and path.parent != Path("/dev/fd"):  # to open it would wait for somebody to write
+            raise ConfigError("is a pipe, no file", where=str(path), fix="save what it gives as a file")
         with path.open("rb") as f:
             raw = f.read(LARGEST + 1)
     except OSError as e:

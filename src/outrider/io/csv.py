@@ -23,18 +23,21 @@ malformed, never fatal; a column that is not there is. Columns of a kind that ar
 Where a kind has a quaternion, `yaw` (and `roll`, `pitch`) may stand instead.
 """
 
+import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal, final
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from outrider.core.attitudes import rpy_to_quats
 from outrider.core.frames import heading_from_azimuth, ned_to_enu, quat_ned_frd_to_enu_flu
 from outrider.data import Altitude, EventLog, Kind, Stream, stream
 from outrider.errors import ConfigError
-from outrider.io._table import Rows, header_of, read_rows
+from outrider.io._table import Header, Rows, header_of, read_rows
+from outrider.io.checked import Number, validated
+from outrider.io.config import read_yaml
 from outrider.io.files import Progress, assemble, closest, ensure_readable
 from outrider.typing import Bools, Floats, Ints
 
@@ -62,7 +65,7 @@ class TimeColumn(_Strict):
     column: str
     unit: Literal["s", "ms", "us", "ns", "iso"] = "s"
     epoch: Literal["any", "gps"] = Field("any", description="gps: GPS time since 1980, moved to Unix time")
-    offset_s: float = Field(0.0, description="added to every stamp, s")
+    offset_s: Number = Field(0.0, description="added to every stamp, s")
     arrival: str | None = Field(None, description="column of the time of reception, in the same unit")
 
 
@@ -75,11 +78,11 @@ class StreamColumns(_Strict):
     units: dict[str, str] = Field(default_factory=dict, description=f"our column -> one of {', '.join(UNITS)}")
     frame: Literal["flu", "frd", "enu", "ned"] | None = None
     frame_id: str = Field("", description="name of the sensor's frame, for its mount")
-    sigma: float | list[float] | list[str] | None = Field(None, description="number(s), or the file's columns")
-    where: dict[str, str | int | float] = Field(default_factory=dict, description="only rows with these values")
+    sigma: Number | list[Number] | list[str] | None = Field(None, description="number(s), or the file's columns")
+    where: dict[str, str | Number] = Field(default_factory=dict, description="only rows with these values")
     altitude: Literal["ELLIPSOID", "MSL", "HOME", "PRESSURE", "UNKNOWN"] = "UNKNOWN"
     extra: dict[str, str] = Field(default_factory=dict, description="further columns, e.g. fix, satellites, hdop")
-    values: dict[str, dict[float, float]] = Field(default_factory=dict, description="codes of the file -> ours")
+    values: dict[str, dict[Number, Number]] = Field(default_factory=dict, description="codes of the file -> ours")
     robot: str | None = None
 
     @field_validator("kind")
@@ -114,17 +117,8 @@ class CsvMapping(_Strict):
 
 
 def load_mapping(path: Path) -> CsvMapping:
-    """Read and check a mapping file; the first fault is named by its key."""
-    import yaml
-
-    try:
-        return CsvMapping.model_validate(yaml.safe_load(ensure_readable(path).read_text(encoding="utf-8")))
-    except ValidationError as e:
-        first = e.errors(include_url=False)[0]
-        place = ".".join(str(p) for p in first["loc"])
-        raise ConfigError(f"{place or 'the file'}: {first['msg']}", where=str(path)) from None
-    except (yaml.YAMLError, UnicodeDecodeError) as e:
-        raise ConfigError(f"is not YAML: {str(e).splitlines()[0]}", where=str(path)) from None
+    """Read and check a mapping file; the first fault is named by its line and key."""
+    return validated(CsvMapping, read_yaml(path), str(path))
 
 
 def read_csv(
@@ -142,7 +136,8 @@ def read_csv(
     header = header_of(ensure_readable(path), how.delimiter, how.names)
     for key, column in _wanted(how).items():
         if column not in header.names:
-            raise ConfigError(f"no column '{column}' (for {key})", where=str(path), fix=closest(column, header.names))
+            fix = _other_delimiter(header) or closest(column, header.names)
+            raise ConfigError(f"no column '{column}' for {key}", where=str(path), fix=fix)
     tests = {c for s in how.streams.values() for c in s.where}
     stamps = {c: how.time.unit for c in (how.time.column, how.time.arrival) if c is not None}
     numbers = {c for key, c in _wanted(how).items() if key.startswith("streams.") and ".where." not in key}
@@ -152,6 +147,12 @@ def read_csv(
     notes = [f"{rows.ragged} rows have too many or too few cells and were left out"] if rows.ragged else []
     notes += [f"{unstamped} rows have no readable stamp and were left out"] if unstamped else []
     return assemble(path, streams, notes=notes, topics=topics, start_s=start_s, end_s=end_s)
+
+
+def _other_delimiter(header: Header) -> str:
+    """A remedy for a header of one name that holds what looks like a delimiter."""
+    found = [d for d in (";", "\t", "|", ",") if len(header.names) == 1 and d in header.names[0]]
+    return f"its columns seem to be apart by {found[0]!r}: write `delimiter: {json.dumps(found[0])}`" if found else ""
 
 
 def _wanted(how: CsvMapping) -> dict[str, str]:

@@ -1,6 +1,7 @@
 """What every reader and writer shares: digests, outputs that are never half written, and the assembly of a log."""
 
 import os
+import stat
 import tempfile
 from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import contextmanager
@@ -44,11 +45,21 @@ def sha256(path: Path) -> str:
     return prefix + digest.hexdigest()
 
 
+def is_directory(path: Path) -> bool:
+    """Whether a path is a directory; unlike `Path.is_dir`, also where one may not look, or the name is too long."""
+    try:
+        return stat.S_ISDIR(path.stat().st_mode)
+    except OSError:
+        return False
+
+
 def ensure_readable(path: Path) -> Path:
     """The path of a file that is there, not empty and may be opened; otherwise a `DataError` that says which."""
-    if path.is_dir():
+    if is_directory(path):
         raise DataError("is a directory, not a log file", where=str(path), fix="name the file inside it")
     try:
+        if not stat.S_ISREG(path.stat().st_mode):  # to open a pipe would wait for its other end
+            raise DataError("is a pipe or a device, no file", where=str(path), fix="save what it gives as a file")
         with path.open("rb") as f:
             empty = not f.read(1)
     except OSError as e:
@@ -98,6 +109,11 @@ def _umask() -> int:
     return mask
 
 
+def as_text(name: Path | str) -> str:
+    """A file name as text that can be written anywhere: bytes that are no UTF-8 are shown as \\xNN."""
+    return os.fsencode(name).decode("utf-8", "backslashreplace")
+
+
 def closest(name: str, names: Iterable[str]) -> str:
     """A remedy for a name that is not there: the nearest one, or all of them."""
     names = sorted(names)
@@ -132,8 +148,10 @@ def assemble(
         since = {name: (s.t - first) * 1e-9 for name, s in named.items()}
         named = {name: s.select((since[name] >= begin) & (since[name] <= end)) for name, s in named.items()}
         if not any(len(s) for s in named.values()):
-            raise DataError(f"no record between {begin:g} s and {end:g} s", where=str(path), fix="widen the time span")
-    return EventLog(streams=named, path=str(path), sha256=sha256(path), notes=tuple(notes))
+            last = max(float(t.max(initial=0.0)) for t in since.values())
+            what = f"no record between {max(begin, 0.0):g} s and {min(end, last):g} s"
+            raise DataError(what, where=str(path), fix=f"the log lasts {last:.3g} s; widen the time span")
+    return EventLog(streams=named, path=as_text(path), sha256=sha256(path), notes=tuple(notes))
 
 
 def _matching(wanted: str, named: dict[str, Stream], path: Path) -> list[Stream]:

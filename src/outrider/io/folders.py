@@ -5,10 +5,12 @@ belongs to it. Whatever else a user keeps in such a folder stays.
 """
 
 import json
+import os
 import shutil
 import tempfile
 from collections.abc import Generator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from errno import EACCES, ENOTDIR
 from math import isfinite
 from pathlib import Path
 from typing import Any, cast
@@ -16,11 +18,13 @@ from typing import Any, cast
 import numpy as np
 
 from outrider.errors import DataError, OutputExistsError, UsageError
+from outrider.io.files import is_directory
 
 
 def as_json(document: Mapping[str, object]) -> str:
     """A document as JSON text; numbers that are not finite are null."""
-    return json.dumps(plain(document), indent=2, ensure_ascii=False, allow_nan=False)
+    text = json.dumps(plain(document), indent=2, ensure_ascii=False, allow_nan=False)
+    return text.encode("utf-8", "backslashreplace").decode()  # a file name may hold half of a character
 
 
 def plain(value: object) -> Any:
@@ -61,10 +65,17 @@ def is_result(folder: Path, name: str, schema: str) -> bool:
 
 
 def ensure_free(folder: Path, name: str, schema: str, *, force: bool = False) -> None:
-    """Refuse a folder that holds anything, unless `force` and what it holds is an earlier result of this kind."""
-    if folder.exists() and not folder.is_dir():
+    """Refuse a folder that holds anything, unless `force` and what it holds is an earlier result of this kind; and one
+    that cannot be made."""
+    if os.path.lexists(folder) and not is_directory(folder):
         raise OutputExistsError("exists and is not a directory", where=str(folder), fix="--output names another")
-    if not folder.is_dir() or not any(folder.iterdir()):
+    try:
+        _ensure_writable(folder)
+        empty = not folder.is_dir() or not any(folder.iterdir())
+    except OSError as e:
+        fix = "--output names another folder"
+        raise UsageError(f"cannot be written: {(e.strerror or str(e)).lower()}", where=str(folder), fix=fix) from None
+    if empty:
         return
     if not is_result(folder, name, schema):
         what = "holds files that --force does not overwrite" if force else "is not empty"
@@ -72,6 +83,19 @@ def ensure_free(folder: Path, name: str, schema: str, *, force: bool = False) ->
     if not force:
         fix = "--force replaces it, --output names another folder"
         raise OutputExistsError("holds an earlier result", where=str(folder), fix=fix)
+
+
+def _ensure_writable(folder: Path) -> None:
+    """Raise what making the folder would raise, as far as can be told without making it."""
+    with suppress(FileNotFoundError):
+        folder.stat()  # too long a name, a place that may not be looked at, a file on the way
+    above = next((p for p in folder.absolute().parents if os.path.lexists(p)), folder)
+    if not above.is_dir():
+        raise NotADirectoryError(ENOTDIR, f"{above} is no directory")
+    if not os.access(above, os.W_OK | os.X_OK):
+        raise PermissionError(EACCES, f"no permission to write in {above}")
+    if folder.is_dir() and not os.access(folder, os.W_OK | os.X_OK):
+        raise PermissionError(EACCES, "permission denied")
 
 
 @contextmanager
@@ -113,6 +137,6 @@ def _settle(part: Path, folder: Path, name: str) -> None:
 def _document(path: Path) -> dict[str, Any]:
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return {}
     return cast("dict[str, Any]", document) if isinstance(document, dict) else {}

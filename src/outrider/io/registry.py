@@ -3,11 +3,12 @@
 import re
 from collections.abc import Callable, Sequence
 from importlib import import_module
+from math import isfinite
 from pathlib import Path
 
 from outrider.data import EventLog
 from outrider.errors import DataError, UsageError
-from outrider.io.files import Progress, ensure_readable
+from outrider.io.files import Progress, ensure_readable, is_directory
 
 READERS = {  # format -> module and function
     "ros1 bag": ("rosbags", "read_rosbag"),
@@ -37,8 +38,12 @@ REPLAY_ROW = re.compile(rb"\d+,(imu|gps|mag|baro|airspeed|range|flow|vio|landed)
 
 def detect(path: Path) -> str:
     """The format of a log: a key of `READERS`, or `csv` for a table that needs a mapping."""
-    if path.is_dir():
-        if (path / "metadata.yaml").is_file() or any(path.glob("*.db3")) or any(path.glob("*.mcap")):
+    if is_directory(path):
+        try:
+            names = [p.name for p in path.iterdir()]
+        except OSError as e:
+            raise DataError(f"cannot be read: {(e.strerror or str(e)).lower()}", where=str(path)) from None
+        if "metadata.yaml" in names or any(n.endswith((".db3", ".mcap")) for n in names):
             return "ros2 bag"
         raise DataError("is a directory, but not a ROS 2 bag", where=str(path), fix="name the log file inside it")
     with ensure_readable(path).open("rb") as f:
@@ -55,7 +60,32 @@ def detect(path: Path) -> str:
         return ENDINGS[ending]
     if ending in (".csv", ".tsv", ".txt") and b"\0" not in head:
         return "csv"
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise DataError("is text in UTF-16", where=str(path), fix="save it as UTF-8")
     raise DataError("not a log format that is known here", where=str(path), fix=f"supported: {SUPPORTED}")
+
+
+def check_input(
+    path: Path, *, start_s: float | None = None, end_s: float | None = None, mapping: Path | None = None
+) -> str:
+    """The format of a log, told at once; raises what `read_log` would without looking further into it."""
+    if any(s is not None and not isfinite(s) for s in (start_s, end_s)):
+        raise UsageError("no finite number of seconds", where=f"--start {start_s} --end {end_s}")
+    if end_s is not None and end_s <= (start_s or 0.0):
+        told = f"--start {start_s:g} " if start_s is not None else ""
+        what = "ends before it starts" if start_s is not None else "is before the log begins"
+        raise UsageError(what, where=f"{told}--end {end_s:g}", fix="both count from the log's first event, in seconds")
+    name = detect(path)
+    if mapping is None:
+        if name == "csv":
+            raise DataError("a CSV needs a mapping that says what its columns are", where=str(path), fix=_columns(path))
+        return name
+    if name not in ("csv", "ekf2 replay"):
+        raise UsageError(f"a mapping is for CSV files, this is {name}", where=str(path), fix="leave the mapping out")
+    from outrider.io.csv import load_mapping
+
+    load_mapping(mapping)
+    return name
 
 
 def read_log(
@@ -76,17 +106,11 @@ def read_log(
     Raises `DataError` if the file is missing, empty, of no known kind, damaged beyond reading, or without any record.
     """
     path = Path(path)
-    name = detect(path)
+    name = check_input(path, start_s=start_s, end_s=end_s, mapping=mapping)
     if mapping is not None:
-        if name not in ("csv", "ekf2 replay"):
-            raise UsageError(
-                f"a mapping is for CSV files, this is {name}", where=str(path), fix="leave the mapping out"
-            )
         from outrider.io.csv import read_csv
 
         return read_csv(path, mapping, robot=robot, topics=topics, start_s=start_s, end_s=end_s, progress=progress)
-    if name == "csv":
-        raise DataError("a CSV needs a mapping that says what its columns are", where=str(path), fix=_columns(path))
     module, function = READERS[name]
     reader: Callable[..., EventLog] = getattr(import_module(f"outrider.io.{module}"), function)
     return reader(path, robot=robot, topics=topics, start_s=start_s, end_s=end_s, progress=progress)

@@ -21,7 +21,7 @@ from outrider.io._ros_messages import HECTOPASCALS, MESSAGES
 from outrider.io._ros_tf import Links
 from outrider.io._ros_topics import Topic
 from outrider.io._ros_wire import FieldDefs, leaves
-from outrider.io.files import Progress, closest, sha256
+from outrider.io.files import Progress, as_text, closest, sha256
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
@@ -74,7 +74,7 @@ def read_rosbag(
     digest = sha256(path)
     if digest.startswith("head-tail"):
         notes.append("a large recording: its digest covers the head, the tail and the size of each file")
-    return EventLog(streams=streams, path=str(path), sha256=digest, notes=tuple(notes), mounts=links.mounts())
+    return EventLog(streams=streams, path=as_text(path), sha256=digest, notes=tuple(notes), mounts=links.mounts())
 
 
 def _wanted(path: Path, bags: Sequence[Bag], topics: Sequence[str] | None) -> frozenset[str]:

@@ -10,7 +10,7 @@ import numpy as np
 from outrider.core.geodesy import enu_to_geodetic, geodetic_to_enu
 from outrider.data import Datum, Kind, Run, Stream, Trajectory
 from outrider.errors import DataError, UsageError
-from outrider.io.files import closest, ensure_readable, replacing
+from outrider.io.files import closest, ensure_readable, is_directory, replacing
 from outrider.io.tum import read_tum
 from outrider.typing import Floats
 
@@ -65,7 +65,8 @@ def write_table(what: Trajectory | Run, path: Path, *, force: bool = False) -> N
             import pyarrow as pa
             from pyarrow import parquet
 
-            parquet.write_table(pa.table(columns), part)
+            with part.open("wb") as f:  # not by name, which for pyarrow must be UTF-8
+                parquet.write_table(pa.table(columns), f)
         else:
             with part.open("w", encoding="utf-8", newline="") as f:
                 writer = csv.writer(f)
@@ -177,7 +178,7 @@ def read_trajectory(path: Path, *, topic: str | None = None) -> Trajectory:
     """
     if path.suffix == ".parquet":
         return read_table(path)
-    if path.is_file() and path.suffix.lower() in (".csv", ".txt", ".tum"):
+    if not is_directory(path) and path.suffix.lower() in (".csv", ".txt", ".tum"):
         with ensure_readable(path).open("rb") as f:
             first = f.read(400).decode("utf-8", "replace")
         if first.startswith("t_ns,"):

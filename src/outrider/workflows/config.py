@@ -5,11 +5,26 @@ Everything has a default; a short file says only what the log itself cannot tell
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-Vector = tuple[float, float, float]
-Positive = Annotated[float, Field(gt=0)]
-Deviation = Annotated[float, Field(ge=1e-9, le=1e9)]
+from outrider.io.checked import Flag, Number, Whole
+
+# Limits are far beyond any use, and keep what follows from a slip of the keyboard finite.
+Length = Annotated[Number, Field(ge=-1e6, le=1e6)]
+Angle = Annotated[Number, Field(ge=-360, le=360)]
+Positive = Annotated[Number, Field(gt=0, le=1e6)]
+Walk = Annotated[Number, Field(ge=0, le=1e6)]
+Deviation = Annotated[Number, Field(ge=1e-9, le=1e9)]
+Second = Annotated[Number, Field(ge=-1e9, le=1e9)]
+
+
+def _forward(window: tuple[float, float]) -> tuple[float, float]:
+    if window[1] <= window[0]:
+        raise ValueError("ends before it starts (write [start, end])")
+    return window
+
+
+Window = Annotated[tuple[Second, Second], AfterValidator(_forward)]
 
 
 class Section(BaseModel):
@@ -21,18 +36,18 @@ class Section(BaseModel):
 class MountSection(Section):
     """Where a sensor frame sits on the body."""
 
-    xyz_m: Vector = (0.0, 0.0, 0.0)
+    xyz_m: tuple[Length, Length, Length] = (0.0, 0.0, 0.0)
     """Forward, left, up of the body origin."""
-    rpy_deg: Vector = (0.0, 0.0, 0.0)
+    rpy_deg: tuple[Angle, Angle, Angle] = (0.0, 0.0, 0.0)
     """Roll, pitch, yaw of the sensor frame in the body frame: R_body_sensor = Rz Ry Rx."""
 
 
 class DatumSection(Section):
     """Origin of the site frame. Without it the first good fix is the origin."""
 
-    lat_deg: Annotated[float, Field(ge=-90, le=90)]
-    lon_deg: Annotated[float, Field(ge=-180, le=360)]
-    alt_m: float = 0.0
+    lat_deg: Annotated[Number, Field(ge=-90, le=90)]
+    lon_deg: Annotated[Number, Field(ge=-180, le=360)]
+    alt_m: Length = 0.0
 
 
 class SourceSection(Section):
@@ -41,27 +56,27 @@ class SourceSection(Section):
     use: Literal["auto", "fuse", "score", "ignore"] = "auto"
     sigma: Deviation | tuple[Deviation, ...] | None = None
     """Standard deviation per row of the measurement (SI), instead of what the log states and of our defaults."""
-    scale: Annotated[float, Field(ge=1e-3, le=1e3)] = 1.0
+    scale: Annotated[Number, Field(ge=1e-3, le=1e3)] = 1.0
     """Multiplies every standard deviation of this source."""
-    gate: Annotated[float, Field(gt=0.5, le=1.0)] = 0.999
+    gate: Annotated[Number, Field(gt=0.5, le=1.0)] = 0.999
     """Probability of the chi-square gate; 1 switches it off."""
     mount: MountSection | None = None
     """Instead of the mount of the source's frame."""
-    delay_s: Annotated[float, Field(ge=-3600, le=3600)] = 0.0
+    delay_s: Annotated[Number, Field(ge=-3600, le=3600)] = 0.0
     """How much older the measurement is than its stamp."""
     track_m: Positive | None = None
     """Distance between left and right wheels (WHEELS)."""
     wheel_base_m: Positive | None = None
     """Distance between axles (ACKERMANN)."""
-    mecanum_xy_m: tuple[float, float] | None = None
+    mecanum_xy_m: tuple[Positive, Positive] | None = None
     """Half length and half width of a mecanum base (WHEELS with four columns)."""
 
 
 class BeaconSection(Section):
     """A range beacon in the site frame."""
 
-    id: float
-    xyz_m: Vector
+    id: Number
+    xyz_m: tuple[Length, Length, Length]
 
 
 class PlanarSection(Section):
@@ -71,8 +86,8 @@ class PlanarSection(Section):
     lateral: Positive | None = None
     lateral_time: Positive | None = None
     yaw_acceleration: Positive | None = None
-    heading_walk: float | None = None
-    position_walk: float | None = None
+    heading_walk: Walk | None = None
+    position_walk: Walk | None = None
 
 
 class FuseConfig(Section):
@@ -81,7 +96,7 @@ class FuseConfig(Section):
     preset: Literal["default", "amr2025", "robot_localization"] = "default"
     """`amr2025`: the paper's own choice (RTK x, y; odometry v_x, v_y; IMU yaw, v_x, v_y). `robot_localization`: its
     upstream profile for a base with an IMU (attitude and yaw of the IMU trusted)."""
-    robot: str = "robot"
+    robot: Annotated[str, Field(min_length=1, max_length=100)] = "robot"
     motion: Literal["auto", "planar", "strapdown", "omnidirectional", "follower"] = "auto"
     datum: DatumSection | None = None
     mounts: dict[str, MountSection] = {}
@@ -90,21 +105,13 @@ class FuseConfig(Section):
     """By source name as `outrider fuse` lists them; `*` is not a wildcard."""
     beacons: tuple[BeaconSection, ...] = ()
     planar: PlanarSection = PlanarSection()
-    output_period_s: Positive = 0.05
-    history_s: Positive = 2.0
+    output_period_s: Annotated[Number, Field(ge=1e-3, le=3600)] = 0.05
+    history_s: Annotated[Number, Field(gt=0, le=3600)] = 2.0
     """How late a record may arrive and still be put in its place."""
-    local: bool = True
+    local: Flag = True
     """Also estimate the smooth odom frame from wheels and IMU alone."""
-    withhold: dict[str, Annotated[int, Field(ge=2)]] = {}
+    withhold: dict[str, Annotated[Whole, Field(ge=2)]] = {}
     """By source: fuse only every n-th record and score the others, e.g. {/fix: 5}."""
-    outages_s: dict[str, tuple[tuple[float, float], ...]] = {}
+    outages_s: dict[str, tuple[Window, ...]] = {}
     """By source: windows (start, end) in seconds from the log's first event that are withheld and scored."""
-    seed: int = 1
-
-    @model_validator(mode="after")
-    def _windows_run_forward(self) -> "FuseConfig":
-        for name, windows in self.outages_s.items():
-            for start, end in windows:
-                if end <= start:
-                    raise ValueError(f"outages_s of {name}: ({start}, {end}) ends before it starts")
-        return self
+    seed: Annotated[Whole, Field(ge=0, lt=2**63)] = 1

@@ -2,12 +2,10 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import isfinite
 from pathlib import Path
 from typing import final
 
 from outrider.data import EventLog, Run, Trajectory
-from outrider.errors import UsageError
 from outrider.io.registry import read_log
 from outrider.io.runs import REPORT, ensure_free, run_folder, write_run
 from outrider.workflows.config import FuseConfig
@@ -32,12 +30,6 @@ class Input:
 
     def read(self, robot: str = "robot", progress: Progress | None = None) -> EventLog:
         """Read the log; progress counts its bytes."""
-
-        window = (self.start_s, self.end_s)
-        if any(s is not None and not isfinite(s) for s in window):
-            raise UsageError("no finite number of seconds", where=f"--start {window[0]} --end {window[1]}")
-        if self.start_s is not None and self.end_s is not None and self.end_s <= self.start_s:
-            raise UsageError("ends before it starts", where=f"--start {self.start_s:g} --end {self.end_s:g}")
 
         def of_bytes(done: int, total: int) -> None:
             if progress is not None:
