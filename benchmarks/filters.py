@@ -19,12 +19,12 @@ from benchmarks._problems import (
     summary,
 )
 from benchmarks.table import Row, Side
-from outrider._kernel import kernel
+from outrider._kernel import inlined, kernel
 from outrider.data.belief import Gaussian, StateLayout
 from outrider.filters import ekf, enkf, ukf
 
 
-@kernel
+@inlined
 def ekf_event(x, P, z, F, Q, H, r, keep, table, y, w):
     """Predict and update with measurements of the first states."""
     advance(x, F)
