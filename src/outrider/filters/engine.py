@@ -242,6 +242,7 @@ class OnlineFilter:
         self.state = one.state(prior.x, prior.P, t_start, len(f.channels))
         self._base = one.snapshot(self.state)
         self._past: list[_Past] = []
+        self._inputs = frozenset(np.flatnonzero(self._sources.code == INPUT_SENSOR).tolist())
         self._newest = -np.inf
         self.late = 0
         self.rewinds = 0
@@ -254,13 +255,13 @@ class OnlineFilter:
         """
         if not np.isfinite(t):
             flag = int(Verdict.BAD_STAMP)
-        if flag <= int(Verdict.WITHHELD):
+        if flag <= _WITHHELD:
             if t < self._newest - self.filter.history:
                 self.late += 1
                 flag = _LATE
             self._newest = max(self._newest, t)
         z = _row(z, 0.0)
-        drives = self._sources.code[src] == INPUT_SENSOR and flag <= _WITHHELD and bool(plausible(z))
+        drives = src in self._inputs and flag <= _WITHHELD and bool(plausible(z))
         event = _Past((t, src, order), z, _row(r, np.inf), flag, self.state, np.zeros(OUT_SIZE), drives)
         if flag > _WITHHELD:
             self._apply(event)
@@ -274,23 +275,29 @@ class OnlineFilter:
 
     def _since_input(self, at: int, t: float) -> int:
         """Index of the first event before `at` that a record of the input at time t casts a new light on."""
+        first = at
         for i in range(at - 1, -1, -1):
-            if self._past[i].drives or t - self._past[i].key[0] > INPUT_HOLD:
-                return i + 1
-        return 0
+            p = self._past[i]
+            if p.drives or t - p.key[0] > INPUT_HOLD:
+                while first < at and self._past[first].key[0] == p.key[0]:  # at a record the line says what it does
+                    first += 1
+                return first
+            first = i
+        return first
 
     def _replay(self, first: int) -> None:
         """Process the past from an index on, each event with the next record of the input announced."""
         if first < len(self._past) - 1:
             one.restore(self.state, self._past[first - 1].after if first else self._base)
-        ahead = [-1] * (len(self._past) + 1)
-        for i in range(len(self._past) - 1, first - 1, -1):
-            ahead[i] = i if self._past[i].drives else ahead[i + 1]
-        for i in range(first, len(self._past)):
-            following = self._past[ahead[i]]
-            if self._sources.code[self._past[i].key[1]] != INPUT_SENSOR:
-                announce(self.state, following.key[0] if ahead[i] >= 0 else -np.inf, following.z)
-            self._apply(self._past[i])
+        again, coming = self._past[first:], None
+        ahead: list[_Past | None] = []
+        for p in reversed(again):
+            ahead.append(coming)
+            coming = p if p.drives else coming
+        for p, following in zip(again, reversed(ahead), strict=True):
+            if self._inputs and p.key[1] not in self._inputs:
+                announce(self.state, *((following.key[0], following.z) if following else (-np.inf, p.z)))
+            self._apply(p)
 
     def correct(self, y: Floats, H: Floats, R: Floats) -> float:
         """Fuse a measurement of the user's own making now; returns its NIS. Not replayed when the past changes."""
@@ -318,7 +325,7 @@ class OnlineFilter:
     def _forget(self) -> None:
         horizon = self._newest - self.filter.history
         drop = bisect_left(self._past, horizon, key=lambda p: p.key[0])
-        if INPUT_SENSOR in self._sources.code:  # what a record of the input at the horizon would need
+        if self._inputs:  # what a record of the input at the horizon would need
             drop = self._since_input(drop, horizon)
         if drop:
             self._base = self._past[drop - 1].after
