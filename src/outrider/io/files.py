@@ -149,12 +149,10 @@ def assemble(
         named = {name: s.select((since[name] >= begin) & (since[name] <= end)) for name, s in named.items()}
         if not any(len(s) for s in named.values()):
             last = max(float(t.max(initial=0.0)) for t in since.values())
-            what = (
-                f"no record after {begin:g} s"
-                if end_s is None
-                else f"no record between {max(begin, 0.0):g} and {end:g} s"
+            window = f"after {begin:g} s" if end_s is None else f"between {max(begin, 0.0):g} and {end:g} s"
+            raise DataError(
+                f"no record {window}", where=str(path), fix=f"the log lasts {last:.3g} s; widen the time span"
             )
-            raise DataError(what, where=str(path), fix=f"the log lasts {last:.3g} s; widen the time span")
     return EventLog(streams=named, path=as_text(path), sha256=sha256(path), notes=tuple(notes))
 
 

@@ -28,7 +28,11 @@ def write_innovations(run: Run, path: Path, *, force: bool = False) -> None:
     packing: dict[str, Any] = {"compression": "zstd", "use_dictionary": [f.name for f in schema if f.type == text]}
     packing["use_byte_stream_split"] = ["z", "innovation", "sigma", "nis"]  # a third smaller
     packing["column_encoding"] = {"t_ns": "DELTA_BINARY_PACKED"}
-    with replacing(path, force=force) as part, parquet.ParquetWriter(part, schema, **packing) as out:
+    with (
+        replacing(path, force=force) as part,
+        part.open("wb") as f,  # not by name, which for pyarrow must be UTF-8
+        parquet.ParquetWriter(f, schema, **packing) as out,
+    ):
         for source, i in run.innovations.items():
             for columns in _columns(source, i):
                 out.write_table(pa.table(columns, schema=schema))
