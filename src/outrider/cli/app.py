@@ -271,6 +271,40 @@ def sources(
     return ExitCode.OK
 
 
+@app.command("run", short_help="Simulate a scenario: robots, sensors, radio and the world around them.")
+def run_command(
+    name: Annotated[
+        str | None, typer.Argument(metavar="[FILE|NAME]", help="A scenario file (.yaml), or the name of one of ours.")
+    ] = None,
+    names: Annotated[bool, typer.Option("--list", help="Say which scenarios there are.")] = False,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="A.B=VALUE", help="Instead of what the scenario says; may be repeated."),
+    ] = None,
+    seed: Annotated[int | None, typer.Option("--seed", metavar="N", help="Seed of everything random.")] = None,
+    duration: Annotated[
+        float | None, typer.Option("--duration", metavar="S", help="At most so many simulated seconds.")
+    ] = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Only check it, and print the whole scenario with every default.")
+    ] = False,
+    output: Output = None,
+    force: Force = False,
+    json: AsJson = False,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> int:
+    """Simulate a scenario into a folder: the recording, the truth and a summary."""
+    from outrider.cli.run import print_scenarios, run
+
+    if names:
+        return print_scenarios(json=json)
+    return run(
+        name, settings=settings or (), seed=seed, duration=duration, output=output, dry_run=dry_run, force=force,
+        json=json, quiet=quiet,
+    )  # fmt: skip
+
+
 @app.command(short_help="Show the tables of the papers beside ours.")
 def papers(
     name: Annotated[str | None, typer.Argument(metavar="[NAME]", help="Which paper; all if there is none.")] = None,
@@ -322,14 +356,19 @@ def papers(
 
 @app.command(short_help="Print the JSON schema of a configuration file.")
 def schema(
-    what: Annotated[str, typer.Argument(metavar="WHAT", help="fuse: the configuration of `outrider fuse`.")] = "fuse",
+    what: Annotated[
+        str,
+        typer.Argument(metavar="WHAT", help="fuse: its configuration; scenario: a file of `outrider run`."),
+    ] = "fuse",
     debug: Debug = False,
 ) -> int:
     """Print the JSON schema of a configuration file, for editors."""
-    if what != "fuse":
-        raise UsageError(f"no schema '{what}'", fix="there is: fuse")
-    from outrider.workflows.settings import schema as schema_of
-
+    if what == "scenario":
+        from outrider.scenarios.files import schema as schema_of
+    elif what == "fuse":
+        from outrider.workflows.settings import schema as schema_of
+    else:
+        raise UsageError(f"no schema '{what}'", fix="there are: fuse, scenario")
     return _print_json(schema_of(), ExitCode.OK)
 
 
