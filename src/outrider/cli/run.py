@@ -1,5 +1,6 @@
 """`outrider run`: list scenarios, check one, or run it into a folder."""
 
+import shlex
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -32,6 +33,7 @@ def run(
     output: Path | None,
     dry_run: bool,
     force: bool,
+    report: bool,
     json: bool,
     quiet: bool,
 ) -> int:
@@ -55,7 +57,10 @@ def run(
             sys.stdout.write(scenario_text(scenario))
             return ExitCode.OK
         ensure_free(folder, force=force)
-        done, summary = run_scenario(scenario, folder, where=where, force=force, progress=progress)
+        command = shlex.join(["outrider", *sys.argv[1:]]) if sys.argv[0].endswith("outrider") else ""
+        done, summary = run_scenario(
+            scenario, folder, where=where, force=force, report=report, command=command, progress=progress
+        )
     if json:
         return _print_json({**summary, "folder": str(folder)}, done.exit_code)
     from outrider.cli import simulated

@@ -50,8 +50,12 @@ class Cast:
 
     def run(self) -> Simulation:
         """Simulate it. Raises ConfigError for what only shows on the spot: a robot that starts inside a wall."""
-        with at(self.where, "team"):
+        try:
             return simulate(self.world, self.team, self.duration_s, self.seed, radio=self.radio)
+        except ConfigError as e:
+            own = [r.name for r in self.team if e.where == f"robot {r.name}"]
+            what = e.what if own or not e.where else f"{e.where}: {e.what}"
+            raise fault_at(("team", *own), what, self.where, e.fix) from None
 
 
 def build(scenario: Scenario, where: str = "") -> Cast:

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Final, Literal, TypeAlias
 
 from pydantic import Field, create_model
 
-from outrider.models.vehicles import Differential, Mecanum, Multirotor, Vehicle
+from outrider.models.vehicles import Differential, Mecanum, Multirotor, Rotorcraft, Steered, Vehicle
 from outrider.scenarios.sections import Number, Part, Table, inner_section, section_of, tagged
 from outrider.sim import places, sensors
 from outrider.sim.monitor import Hull
@@ -29,7 +29,9 @@ PLACES: Final[Mapping[str, Callable[..., World]]] = {
 VEHICLES: Final[Mapping[str, type[Vehicle]]] = {
     "mecanum": Mecanum,
     "differential": Differential,
+    "steered": Steered,
     "multirotor": Multirotor,
+    "rotorcraft": Rotorcraft,
 }
 SENSORS: Final[Mapping[str, type[Any]]] = {
     "imu": sensors.Imu,

@@ -57,6 +57,8 @@ def run_scenario(
     *,
     where: str = "",
     force: bool = False,
+    report: bool = True,
+    command: str = "",
     progress: Progress | None = None,
 ) -> tuple[Done, dict[str, Any]]:
     """Run a scenario and write its folder, complete or not at all; what was done, and its summary.
@@ -76,6 +78,12 @@ def run_scenario(
         for name, truth in done.run.truth.items():
             write_tum(truth.trajectory(), part / f"truth_{name}.tum")
         (part / SCENARIO).write_text(scenario_text(scenario), encoding="utf-8")
+        if report:
+            from outrider.plot.simulation import write_simulation_report  # imports matplotlib
+
+            tell("report", 0.0)
+            text = scenario_text(scenario)
+            write_simulation_report(done.run, document, part / REPORT, scenario=text, command=command)
         folders.write_marker(part, SUMMARY, document)
     return done, document
 

@@ -32,9 +32,12 @@ ANGLES: Final[Mapping[str, tuple[str, ...]]] = {
     "Multirotor": ("yaw_rate", "tilt_rate"),
     "ObjectPose": ("sigma_angle", "apart"),
     "RobotCamera": ("half_angle", "sigma_angle"),
+    "Rotorcraft": ("yaw_rate", "tilt_rate"),
+    "Steering": ("limit", "rate"),
     "SteeringEncoder": ("sigma_angle", "offset"),
 }
 """Fields in radians, or radians per second, by class."""
+COUNTS: Final = ("beams", "wheels", "satellites")
 
 
 def _number(value: float) -> float:
@@ -150,7 +153,7 @@ def _translated(hint: Any, name: str) -> Any:
 
 def _bounded(kind: Any, name: str) -> Any:
     """Rates, reaches and counts are positive, deviations, delays and shares are not negative."""
-    if name.endswith("_hz") or kind is int or name in ("max_range", "reach", "period_s"):
+    if name.endswith("_hz") or name in ("max_range", "reach", "period_s") or (kind is int and name in COUNTS):
         return Annotated[kind, Gt(0)]
     if name.startswith("sigma") or name.endswith("_density") or name in ("latency_s", "jitter_s", "drop", "loss"):
         return Annotated[kind, Ge(0)]
