@@ -7,7 +7,8 @@ import yaml
 
 from outrider.errors import ConfigError, ExitCode
 from outrider.workflows.config import FuseConfig
-from outrider.workflows.settings import load_config, merged, parse_config, schema
+from outrider.io.config import merged
+from outrider.workflows.settings import load_config, parse_config, schema
 
 FAULTS = {
     "sources:\n  /fix:\n    gaet: 0.9\n": (3, r"sources\./fix\.gaet: unknown key .did you mean 'gate'\?"),

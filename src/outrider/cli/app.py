@@ -62,6 +62,9 @@ Mapping = Annotated[
         help="YAML that says what the columns of a CSV are.",
     ),
 ]
+OneRobot = Annotated[
+    str | None, typer.Option("--robot", metavar="NAME", help="Which one, if the recording is of several robots.")
+]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, and only the outcome.")]
 Debug = Annotated[bool, typer.Option("--debug", help="Show where an error comes from.")]
 
@@ -115,6 +118,7 @@ def fuse(
     start: Start = None,
     end: End = None,
     mapping: Mapping = None,
+    robot: OneRobot = None,
     report: Annotated[bool, typer.Option("--report/--no-report", help="Write report.html.")] = True,
     quiet: Quiet = False,
     verbose: Annotated[
@@ -123,7 +127,7 @@ def fuse(
     debug: Debug = False,
 ) -> int:
     """Fuse a recording into a trajectory, and say what is wrong with the data."""
-    overrides = parse.overrides(seed=seed, preset=preset, mounts=mount, datum=datum, withhold=withhold)
+    overrides = parse.overrides(robot=robot, seed=seed, preset=preset, mounts=mount, datum=datum, withhold=withhold)
     from outrider.workflows.settings import load_config
 
     settings = load_config(config, overrides)
@@ -139,7 +143,7 @@ def fuse(
     with Progress(quiet=quiet) as progress:
         from outrider.workflows.fuse_file import Input, document, fuse_file
 
-        source = Input(log=log, topics=topic, start_s=start, end_s=end, mapping=mapping)
+        source = Input(log=log, topics=topic, start_s=start, end_s=end, mapping=mapping, robot=robot)
         typed = [as_text(a) for a in sys.argv]
         command = shlex.join(["outrider", *typed[1:]]) if typed[0].endswith("outrider") else ""
         run = fuse_file(source, folder, settings, force=force, report=report, command=command, progress=progress)
@@ -248,6 +252,7 @@ def sources(
     start: Start = None,
     end: End = None,
     mapping: Mapping = None,
+    robot: OneRobot = None,
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> int:
@@ -261,7 +266,7 @@ def sources(
         from outrider.workflows.fuse_file import Input
         from outrider.workflows.sources import list_sources
 
-        source = Input(log=log, topics=topic, start_s=start, end_s=end, mapping=mapping)
+        source = Input(log=log, topics=topic, start_s=start, end_s=end, mapping=mapping, robot=robot)
         listing = list_sources(source.read(settings.robot, progress), settings)
     if json:
         return _print_json(listing.as_dict(), ExitCode.OK)
@@ -269,6 +274,41 @@ def sources(
 
     render.sources(listing)
     return ExitCode.OK
+
+
+@app.command("run", short_help="Simulate a scenario: robots, sensors, radio and the world around them.")
+def run_command(
+    name: Annotated[
+        str | None, typer.Argument(metavar="[FILE|NAME]", help="A scenario file (.yaml), or the name of one of ours.")
+    ] = None,
+    names: Annotated[bool, typer.Option("--list", help="Say which scenarios there are.")] = False,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="A.B=VALUE", help="Instead of what the scenario says; may be repeated."),
+    ] = None,
+    seed: Annotated[int | None, typer.Option("--seed", metavar="N", help="Seed of everything random.")] = None,
+    duration: Annotated[
+        float | None, typer.Option("--duration", metavar="S", help="At most so many simulated seconds.")
+    ] = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Only check it, and print the whole scenario with every default.")
+    ] = False,
+    output: Output = None,
+    force: Force = False,
+    json: AsJson = False,
+    report: Annotated[bool, typer.Option("--report/--no-report", help="Write report.html.")] = True,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> int:
+    """Simulate a scenario into a folder: the recording, the truth, a summary and a report."""
+    from outrider.cli.run import print_scenarios, run
+
+    if names:
+        return print_scenarios(json=json)
+    return run(
+        name, settings=settings or (), seed=seed, duration=duration, output=output, dry_run=dry_run, force=force,
+        report=report, json=json, quiet=quiet,
+    )  # fmt: skip
 
 
 @app.command(short_help="Show the tables of the papers beside ours.")
@@ -322,14 +362,19 @@ def papers(
 
 @app.command(short_help="Print the JSON schema of a configuration file.")
 def schema(
-    what: Annotated[str, typer.Argument(metavar="WHAT", help="fuse: the configuration of `outrider fuse`.")] = "fuse",
+    what: Annotated[
+        str,
+        typer.Argument(metavar="WHAT", help="fuse: its configuration; scenario: a file of `outrider run`."),
+    ] = "fuse",
     debug: Debug = False,
 ) -> int:
     """Print the JSON schema of a configuration file, for editors."""
-    if what != "fuse":
-        raise UsageError(f"no schema '{what}'", fix="there is: fuse")
-    from outrider.workflows.settings import schema as schema_of
-
+    if what == "scenario":
+        from outrider.scenarios.files import schema as schema_of
+    elif what == "fuse":
+        from outrider.workflows.settings import schema as schema_of
+    else:
+        raise UsageError(f"no schema '{what}'", fix="there are: fuse, scenario")
     return _print_json(schema_of(), ExitCode.OK)
 
 

@@ -53,6 +53,7 @@ def whole(option: str, least: int = 0) -> Callable[[object], int]:
 
 def overrides(
     *,
+    robot: str | None = None,
     seed: int | None = None,
     preset: str | None = None,
     mounts: Sequence[str] | None = None,
@@ -61,6 +62,8 @@ def overrides(
 ) -> dict[str, object]:
     """What the command line says, with the keys of a configuration file; only what was given."""
     out: dict[str, object] = {}
+    if robot is not None:
+        out["robot"] = robot
     if seed is not None:
         out["seed"] = seed
     if preset is not None:

@@ -52,7 +52,7 @@ class Messages:
     ) -> Iterator[tuple[int, bytes]]:
         """(t, message) for every stamp t [ns]; columns by dotted name, (n,) or (n, k)."""
         fields = leaves(self.store.fielddefs, msgtype)
-        return _fill(self.pack(self.make(msgtype, strings)), fields or [], t, columns)
+        return fill(self.pack(self.make(msgtype, strings)), fields or [], t, columns)
 
     def links(self, parent: str, child: str, t: Ints, p: Any, q: Any) -> Iterator[tuple[int, bytes]]:
         """A /tf message with one transform parent <- child for every stamp; p (n, 3), q (n, 4)."""
@@ -60,7 +60,7 @@ class Messages:
         template = self.pack(self.store.types["tf2_msgs/msg/TFMessage"](transforms=[link]))
         fields = [Leaf("length", "u4"), *(leaves(self.store.fielddefs, _LINK) or [])]
         columns = {**vector("transform.translation", p), **vector("transform.rotation", q)}
-        return _fill(template, fields, t, columns)
+        return fill(template, fields, t, columns)
 
 
 def vector(name: str, values: Any) -> dict[str, Any]:
@@ -68,7 +68,8 @@ def vector(name: str, values: Any) -> dict[str, Any]:
     return {f"{name}.{axis}": values[:, i] for i, axis in enumerate("xyzw"[: values.shape[1]])}
 
 
-def _fill(template: bytes, fields: list[Leaf], t: Ints, columns: Mapping[str, Any]) -> Iterator[tuple[int, bytes]]:
+def fill(template: bytes, fields: list[Leaf], t: Ints, columns: Mapping[str, Any]) -> Iterator[tuple[int, bytes]]:
+    """(t, message) for every stamp t [ns]: a serialized message with the named columns replaced, see `stream`."""
     shape = layout(fields, template, ros2=True)
     for i in range(0, t.size, BLOCK):
         part = slice(i, i + BLOCK)

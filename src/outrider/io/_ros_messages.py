@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from outrider.core.angles import wrap_all
 from outrider.core.attitudes import quats_to_matrices
 from outrider.data import Altitude, Fix, Kind
 from outrider.typing import Bools, Floats
@@ -22,10 +23,13 @@ ISA_T0_OVER_L = 288.15 / 0.0065  # m
 ISA_N = 287.05287 * 0.0065 / 9.80665
 HECTOPASCALS = 2000.0  # Pa: the air at 27 km; less than this is a sensor that reports hPa
 PERCENT_95 = 1.96  # GPSFix states errors at 95 %
+NOT_MEASURED = -1.0  # as a variance: this device does not measure that
+RIM = "rim_"  # names of joints whose velocity is that of a wheel's rim, in m/s
 
 _GNSS_TOPIC = re.compile(r"gnss|gps|navsat|nmea|ublox|(^|[_/])fix|(^|/)vel$", re.IGNORECASE)
 _GNSS_FRAME = re.compile(r"gnss|gps|navsat", re.IGNORECASE)
 _COMMAND_TOPIC = re.compile(r"cmd|command|setpoint|reference", re.IGNORECASE)
+_STEERING_TOPIC = re.compile(r"steering|measured|state|feedback|odom", re.IGNORECASE)
 _ESTIMATE_TOPIC = re.compile(r"filtered|estimat|ekf|ukf|fused|odometry/(global|local)$|^/outrider/", re.IGNORECASE)
 
 
@@ -48,13 +52,14 @@ class Block(NamedTuple):
     def square(self, name: str) -> Floats:
         """(n, k, k) a row-major covariance, NaN where it says that it is unknown."""
         flat = np.array(self.columns[name], np.float64)
-        flat[(flat[:, 0] == -1.0) | ~flat.any(axis=1)] = np.nan
+        flat[(flat[:, 0] == NOT_MEASURED) | ~flat.any(axis=1)] = np.nan
         side = {9: 3, 36: 6}[flat.shape[1]]
         return flat.reshape(-1, side, side)
 
-    def absent(self, covariance: str) -> Bools:
-        """(n,) whether the covariance starts with -1: "this device does not measure that"."""
-        return np.asarray(self.columns[covariance][:, 0] == -1.0)
+    def absent(self, covariance: str, row: int = 0) -> Bools:
+        """(n,) whether a variance, the first by default, is -1: "this device does not measure that"."""
+        square = self.columns[covariance]
+        return np.asarray(square[:, row * (round(square.shape[1] ** 0.5) + 1)] == NOT_MEASURED)
 
 
 class Part(NamedTuple):
@@ -87,14 +92,14 @@ def _about_body_axes(square: Floats, q: Floats) -> Floats:
 def imu(b: Block) -> tuple[Part, ...]:
     """Rates and specific force; and the attitude, if the device claims one."""
     w, f = b.vector("angular_velocity"), b.vector("linear_acceleration")
-    w[b.absent("angular_velocity_covariance")] = np.nan
-    f[b.absent("linear_acceleration_covariance")] = np.nan
+    no_w, no_f = b.absent("angular_velocity_covariance"), b.absent("linear_acceleration_covariance")
+    w[no_w], f[no_f] = np.nan, np.nan
     spread = [_variances(b.square(f"{name}_covariance")) for name in ("angular_velocity", "linear_acceleration")]
     q = b.vector("orientation", "xyzw")
     claimed = ~b.absent("orientation_covariance") & q.any(axis=1)
     var_q = _about_body_axes(b.square("orientation_covariance"), q)
     return (
-        Part(Kind.IMU, np.hstack((w, f)), np.hstack(spread), b.frame),
+        Part(Kind.IMU, np.hstack((w, f)), np.hstack(spread), b.frame, keep=~(no_w & no_f)),
         Part(Kind.ATTITUDE, q, var_q, b.frame, "#attitude", keep=claimed),
     )
 
@@ -178,7 +183,10 @@ def _twist(b: Block, name: str, covariance: str = "") -> tuple[Part, ...]:
     var = _variances(b.square(covariance)) if covariance else np.full((len(v), 6), np.nan)
     if is_gnss(b.topic, b.frame):
         return (Part(Kind.GNSS_VELOCITY, v, var[:, :3], b.frame),)
-    return (Part(Kind.TWIST, np.hstack((v, w)), var, b.frame),)
+    whole = Part(Kind.TWIST, np.hstack((v, w)), var, b.frame)
+    if not covariance or not (bare := b.absent(covariance, row=3)).any():
+        return (whole,)
+    return whole._replace(keep=~bare), Part(Kind.BODY_VELOCITY, v, var[:, :3], b.frame, "#velocity", keep=bare)
 
 
 def twist_stamped(b: Block) -> tuple[Part, ...]:
@@ -187,7 +195,7 @@ def twist_stamped(b: Block) -> tuple[Part, ...]:
 
 
 def twist_with_covariance_stamped(b: Block) -> tuple[Part, ...]:
-    """Body twist, or the velocity of a GNSS receiver (by topic or frame)."""
+    """Body twist, or the velocity of a GNSS receiver (by topic or frame); a variance of -1 about x: no rates."""
     return () if _COMMAND_TOPIC.search(b.topic) else _twist(b, "twist.twist", "twist.covariance")
 
 
@@ -243,6 +251,55 @@ def range_finder(b: Block) -> tuple[Part, ...]:
     return (Part(Kind.RANGE_FINDER, z[:, None], np.where(var > 0, var, np.nan)[:, None], b.frame),)
 
 
+def azimuth(b: Block) -> tuple[Part, ...]:
+    """A heading from true north; a magnetic one needs the declination, one from grid north its convergence."""
+    degrees, clockwise = b.number("unit") == 1, b.number("orientation") == 1
+    scale = np.where(degrees, np.pi / 180.0, 1.0)
+    angle, var = b.number("azimuth") * scale, b.number("variance") * scale**2
+    z = wrap_all(np.where(clockwise, 0.5 * np.pi - angle, angle))
+    var = np.where(var > 0.0, var, np.nan)
+    return (Part(Kind.HEADING, z[:, None], var[:, None], b.frame, keep=b.number("reference") == 1),)
+
+
+def beacon_range(b: Block) -> tuple[Part, ...]:
+    """Our own message: the distance to a numbered beacon or robot."""
+    var = b.number("variance")
+    stated = np.where(var > 0.0, var, np.nan)
+    z = np.stack((b.number("beacon"), b.number("range")), axis=-1)
+    return (Part(Kind.RANGE, z, np.stack((_unstated(stated), stated), axis=-1), b.frame),)
+
+
+def relative_pose(b: Block) -> tuple[Part, ...]:
+    """Our own message: another robot, by its number, in the frame of the sensor that sees it."""
+    z, var = _pose(b, "pose.pose", "pose.covariance")
+    return (Part(Kind.RELATIVE_POSE, np.column_stack((b.number("robot"), z)), var, b.frame),)
+
+
+def ackermann_drive(b: Block) -> tuple[Part, ...]:
+    """Speed and steering angle as measured; most messages of this type are commands, so the topic must say so."""
+    z = np.stack((b.number("drive.speed"), b.number("drive.steering_angle")), axis=-1)
+    measured = _STEERING_TOPIC.search(b.topic) and not _COMMAND_TOPIC.search(b.topic)
+    return (Part(Kind.ACKERMANN, z, _unstated(z), b.frame),) if measured else ()
+
+
+def joint_state(b: Block) -> tuple[Part, ...]:
+    """Rim speeds, if that is what the joints are called; other joints do not tell the radius of their wheels."""
+    names, v = b.columns["name"], b.columns["velocity"]
+    if names.ndim != 2 or not np.char.startswith(names.astype(str), RIM).all() or v.shape != names.shape:
+        return ()
+    return (Part(Kind.WHEELS, np.asarray(v, np.float64), _unstated(v), b.frame),)
+
+
+def laser_scan(b: Block) -> tuple[Part, ...]:
+    """Ranges of one lidar; beyond what it can measure they are infinite."""
+    z = np.asarray(b.columns["ranges"], np.float64)
+    if z.ndim != 2:
+        return ()
+    reach = b.number("range_max")
+    extra = {"angle_min": b.number("angle_min"), "angle_step": b.number("angle_increment"), "range_max": reach}
+    return (Part(Kind.SCAN, np.where(z > reach[:, None], np.inf, z), _unstated(z), b.frame, extra=extra),)
+
+
 Reader = Callable[[Block], tuple[Part, ...]]
 
 MESSAGES: Mapping[str, Reader] = {
@@ -261,6 +318,12 @@ MESSAGES: Mapping[str, Reader] = {
     "geographic_msgs/msg/GeoPoseStamped": _geo_point("pose.position"),
     "gps_msgs/msg/GPSFix": gps_fix,
     "gps_common/msg/GPSFix": gps_fix,
+    "compass_msgs/msg/Azimuth": azimuth,
+    "ackermann_msgs/msg/AckermannDriveStamped": ackermann_drive,
+    "sensor_msgs/msg/JointState": joint_state,
+    "sensor_msgs/msg/LaserScan": laser_scan,
+    "outrider_msgs/msg/BeaconRange": beacon_range,
+    "outrider_msgs/msg/RelativePose": relative_pose,
 }
 """Message type (as rosbags spells it) to the function that reads it."""
 
@@ -270,5 +333,13 @@ _GPSFIX = (
     "hdop", "vdop", "err_horz", "err_vert", "err_speed", "position_covariance", "position_covariance_type",
 )  # fmt: skip
 
-VARIABLE: Mapping[str, tuple[str, ...]] = {"gps_msgs/msg/GPSFix": _GPSFIX, "gps_common/msg/GPSFix": _GPSFIX}
+VARIABLE: Mapping[str, tuple[str, ...]] = {
+    "gps_msgs/msg/GPSFix": _GPSFIX,
+    "gps_common/msg/GPSFix": _GPSFIX,
+    "sensor_msgs/msg/JointState": (*_STAMP, "name", "velocity"),
+    "sensor_msgs/msg/LaserScan": (*_STAMP, "angle_min", "angle_increment", "range_max", "ranges"),
+}
 """The fields that are read of types with sequences in them, whose layout changes from message to message."""
+
+ON_REQUEST = frozenset({"sensor_msgs/msg/LaserScan"})
+"""Types of which much is recorded and nothing is fused: read only when their topic is asked for."""

@@ -123,7 +123,7 @@ class Topic:
         names = VARIABLE.get(self.msgtype, ())
         for frame in dict.fromkeys(row[1] for row in self._rows):
             rows = [row for row in self._rows if row[1] == frame]
-            columns = {name: np.array([row[i] for row in rows]) for i, name in enumerate(names, start=2)}
+            columns = {name: _column([row[i] for row in rows]) for i, name in enumerate(names, start=2)}
             self._add(columns, np.array([row[0] for row in rows], np.int64), {"header.frame_id": frame})
 
     def _add(self, columns: dict[str, Any], arrival: Any, strings: dict[str, str]) -> None:
@@ -151,3 +151,13 @@ class Topic:
         if made:
             made[0] = replace(made[0], malformed=self.malformed)
         return [s for s in made if len(s) or s.malformed]
+
+
+def _column(values: list[Any]) -> Any:
+    """One field of many messages; arrays of changing length stay objects."""
+    try:
+        return np.array(values)
+    except ValueError:
+        out = np.empty(len(values), np.object_)
+        out[:] = values
+        return out

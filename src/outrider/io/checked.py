@@ -43,13 +43,24 @@ def _config_error(model: type[BaseModel], error: ValidationError, data: object, 
     places = [_real_keys(f["loc"], data, missing=f["type"] == "missing") for f in faults]
     at = max(range(len(faults)), key=lambda i: (places[i][:1] == places[0][:1], len(places[i]), -i))
     keys = places[at]  # of alternatives that were tried, the one that fitted best
-    what, fix = _in_words(model, faults[at], keys)
-    name = ".".join(str(k) for k in keys)
+    what, fix = _in_words(model, faults[at], keys, data)
     more = len({p[:2] for p in places}) - 1
-    what = f"{name}: {what}" if name else what
     what += f", and {more} more fault{'s' * (more > 1)}" if more > 0 else ""
+    return fault_at(keys, what, where, fix)
+
+
+def fault_at(keys: Keys, what: str, where: str, fix: str = "") -> ConfigError:
+    """A fault of the value at `keys`; `where` as in `validated`."""
+    name = ".".join(str(k) for k in keys)
     line = line_of(Path(where), keys) if where else 0
-    return ConfigError(what, where=at_line(where, line) if where else "configuration", fix=fix)
+    place = at_line(where, line) if where else "configuration"
+    return ConfigError(f"{name}: {what}" if name else what, where=place, fix=fix)
+
+
+def remedy(name: str, known: Sequence[str]) -> str:
+    """The known name that was probably meant, else all of them."""
+    near = get_close_matches(name, known, n=1)
+    return f"did you mean '{near[0]}'?" if near else f"there are: {', '.join(known)}"
 
 
 def _real_keys(loc: Sequence[str | int], data: object, *, missing: bool = False) -> Keys:
@@ -69,20 +80,23 @@ def _real_keys(loc: Sequence[str | int], data: object, *, missing: bool = False)
     return tuple(keys)
 
 
-def _in_words(model: type[BaseModel], fault: Mapping[str, Any], keys: Keys) -> tuple[str, str]:
+def _in_words(model: type[BaseModel], fault: Mapping[str, Any], keys: Keys, data: object) -> tuple[str, str]:
     """What is wrong, and a remedy."""
     kind, given, more = str(fault["type"]), fault["input"], cast("Mapping[str, Any]", fault.get("ctx", {}))
     if kind == "extra_forbidden":
-        return "unknown key", _remedy(str(keys[-1]), _keys_at(model, keys[:-1]))
+        return "unknown key", remedy(str(keys[-1]), _keys_at(model, keys[:-1], data))
     if kind == "missing" and isinstance(fault["loc"][-1], int):
         return f"needs more numbers than {len(given)}", ""
     if kind == "missing":
-        return "is missing", f"all keys here: {', '.join(_keys_at(model, keys[:-1]))}"
+        return "is missing", f"all keys here: {', '.join(_keys_at(model, keys[:-1], data))}"
     if kind == "too_long":
         return f"has {more['actual_length']} entries, takes {more['max_length']}", ""
     if kind == "literal_error":
-        allowed = [w.strip(" '") for w in str(more["expected"]).replace(" or ", ", ").split(",")]
-        return f"cannot be '{given}'", _remedy(str(given), allowed)
+        return f"cannot be '{given}'", remedy(str(given), _words(more["expected"]))
+    if kind == "union_tag_invalid":
+        return f"there is no '{more['tag']}'", remedy(str(more["tag"]), _words(more["expected_tags"]))
+    if kind == "union_tag_not_found":
+        return "says no type", "write `type: NAME`"
     if kind == "value_error":
         what, _, fix = str(more["error"]).partition(" (")
         return what, fix.removesuffix(")")
@@ -118,24 +132,28 @@ def _how_to_write(expected: str, given: object) -> str:
     return ""
 
 
-def _remedy(name: str, known: Sequence[str]) -> str:
-    near = get_close_matches(name, known, n=1)
-    return f"did you mean '{near[0]}'?" if near else f"there are: {', '.join(known)}"
+def _words(listed: object) -> list[str]:
+    """Pydantic's list of alternatives as words."""
+    return [w.strip(" '") for w in str(listed).replace(" or ", ", ").split(",")]
 
 
-def _keys_at(model: type[BaseModel], keys: Keys) -> list[str]:
+def _keys_at(model: type[BaseModel], keys: Keys, data: object) -> list[str]:
     """Every key that may stand at a place."""
-    whole = model.model_json_schema()
-    node = whole
+    whole = node = model.model_json_schema()
     for key in keys:
-        inside = node.get("properties", {}).get(key) or node.get("additionalProperties") or node.get("items") or {}
-        node = _resolved(cast("dict[str, Any]", inside), whole)
+        named, every = node.get("properties", {}).get(key), node.get("patternProperties", {}).values()
+        inside = named or next(iter(every), None) or node.get("additionalProperties") or node.get("items") or {}
+        data = cast("Any", data)[key]
+        node = _resolved(cast("dict[str, Any]", inside), whole, data)
     return list(node.get("properties", {}))
 
 
-def _resolved(node: dict[str, Any], whole: dict[str, Any]) -> dict[str, Any]:
-    """A part of the schema with references followed, and `null` left out of alternatives."""
+def _resolved(node: dict[str, Any], whole: dict[str, Any], data: object) -> dict[str, Any]:
+    """A part of the schema with references followed, `null` left out of alternatives, and the type chosen."""
     for one in node.get("anyOf", []):
-        if "$ref" in one:
+        if "$ref" in one or "discriminator" in one:
             node = one
-    return whole["$defs"][node["$ref"].rsplit("/", 1)[-1]] if "$ref" in node else node
+    if "discriminator" in node and isinstance(data, Mapping):
+        tag = cast("Mapping[str, object]", data).get(node["discriminator"]["propertyName"])
+        return _resolved({"$ref": node["discriminator"]["mapping"].get(tag, "")}, whole, data)
+    return whole["$defs"].get(node["$ref"].rsplit("/", 1)[-1], {}) if "$ref" in node else node

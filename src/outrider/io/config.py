@@ -5,7 +5,7 @@ turns into a date or into minutes. The older rules that PyYAML follows would tur
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -51,6 +51,33 @@ def read_yaml(path: Path) -> dict[str, Any]:
     if not isinstance(data, dict):
         raise ConfigError("is no mapping of keys to values", where=at_line(path, 1), fix="write `key: value` lines")
     return cast("dict[str, Any]", data)
+
+
+def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+    """`base` with the values of `over`, mappings joined key by key."""
+    out = dict(base)
+    for key, value in over.items():
+        mine = out.get(key)
+        both = isinstance(mine, Mapping) and isinstance(value, Mapping)
+        out[key] = merged(cast("Mapping[str, Any]", mine), cast("Mapping[str, Any]", value)) if both else value
+    return out
+
+
+def parse_yaml(text: str, where: str) -> object:
+    """One value from the command line."""
+    import yaml
+
+    try:
+        return yaml.load(text, Loader=_core_loader())
+    except (yaml.YAMLError, ValueError, RecursionError):
+        raise ConfigError("is not YAML", where=where, fix="quote what has a colon or a bracket of its own") from None
+
+
+def yaml_text(data: Mapping[str, object]) -> str:
+    """A mapping as YAML that reads back as the same, to the last bit; lists of numbers stand on one line."""
+    import yaml
+
+    return yaml.safe_dump(dict(data), sort_keys=False, allow_unicode=True, width=120, default_flow_style=None)
 
 
 def line_of(path: Path, keys: Sequence[str | int]) -> int:

@@ -17,7 +17,7 @@ import numpy as np
 from outrider.data import EventLog, Kind, Stream
 from outrider.errors import DataError
 from outrider.io._ros_container import Bag, open_bags
-from outrider.io._ros_messages import HECTOPASCALS, MESSAGES
+from outrider.io._ros_messages import HECTOPASCALS, MESSAGES, ON_REQUEST
 from outrider.io._ros_tf import Links
 from outrider.io._ros_topics import Topic
 from outrider.io._ros_wire import FieldDefs, leaves
@@ -81,7 +81,7 @@ def _wanted(path: Path, bags: Sequence[Bag], topics: Sequence[str] | None) -> fr
     """Names of the topics to read; DataError if one of those asked for is not there."""
     there = frozenset(c.topic for bag in bags for c in bag.connections)
     if topics is None:
-        return there
+        return frozenset(c.topic for bag in bags for c in bag.connections if c.msgtype not in ON_REQUEST)
     for name in topics:
         if name not in there:
             raise DataError(f"no topic '{name}'", where=str(path), fix=closest(name, there))

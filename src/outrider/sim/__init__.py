@@ -6,7 +6,7 @@
 
 from outrider.sim.faults import FAULTS
 from outrider.sim.logs import demo_log, drone_log, sense, wheeled_log
-from outrider.sim.motion import GENTLE, drive, fly, follow
+from outrider.sim.motion import GENTLE, drive, fly, follow, glide
 from outrider.sim.noise import generator
 from outrider.sim.sensors import (
     Attitude,
@@ -25,5 +25,5 @@ from outrider.sim.truth import Biases, Drift, Place, Truth, drift
 __all__ = [
     "FAULTS", "GENTLE", "Attitude", "Baro", "Biases", "BodyTwist", "Drift", "Gnss", "GnssVelocity", "Heading", "Imu",
     "Magnetometer", "Place", "Plain", "Sensor", "Truth", "demo_log", "drift", "drive", "drone_log", "fly",
-    "follow", "generator", "sense", "wheeled_log",
+    "follow", "generator", "glide", "sense", "wheeled_log",
 ]  # fmt: skip

@@ -1,6 +1,7 @@
 """One robot under way: its body, its sensors, and the agent that decides on what they say."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import final
 
 import numpy as np
@@ -77,8 +78,11 @@ class Actor:
     def log(self, until: int, *, prefixed: bool) -> dict[str, Stream]:
         """Everything that was recorded up to `until` [ns], by name."""
         prefix = f"{self.robot.name}/" if prefixed else ""
-        whole = {name: joined(parts) for name, parts in self._kept.items()}
-        return {f"{prefix}{name}": s.select(s.t <= until).named(f"{prefix}{name}") for name, s in whole.items()}
+        whole = {f"{prefix}{name}": joined(parts) for name, parts in self._kept.items()}
+        return {
+            name: replace(s.select(s.t <= until), name=name, frame=f"{prefix}{s.frame}" if s.frame else "")
+            for name, s in whole.items()
+        }
 
     def _checked(self, command: Floats) -> Floats:
         inputs = self.robot.vehicle.inputs if self.robot.vehicle else ()

@@ -74,11 +74,28 @@ class Monitor:
             hits += self._against_another(team[a], team[b])
         return min(hits, key=lambda hit: hit.t, default=None)
 
+    def clearance(self, truth: Truth) -> tuple[Ints, Floats]:
+        """Stamps (n,) [ns] of looks along a truth, and the distances (n,) [m] of the robot to the world then."""
+        t = _moments(truth)
+        return t, self._gaps(self.hulls[truth.robot], *self._seen(truth, t))[0]
+
+    def separation(self, a: Truth, b: Truth) -> tuple[Ints, Floats]:
+        """Stamps (n,) [ns] of looks, and the distances (n,) [m] between two robots then."""
+        one, two, t = self.hulls[a.robot], self.hulls[b.robot], _moments(a)
+        d = _positions(b, t) - _positions(a, t)
+        sideways = np.hypot(d[:, 0], d[:, 1]) - one.radius - two.radius
+        above = np.maximum(d[:, 2] - one.height, -d[:, 2] - two.height)
+        both = (sideways > 0) & (above > 0)
+        return t, np.where(both, np.hypot(sideways, above), np.maximum(sideways, above))
+
+    def _seen(self, truth: Truth, t: Ints) -> tuple[Floats, Floats]:
+        """The middles of a robot's hull (n, 3), and the seconds (n,) since the start."""
+        middle = _positions(truth, t) + np.array([0.0, 0.0, self.hulls[truth.robot].height / 2])
+        return middle, np.asarray((t - self.start) * 1e-9, np.float64)
+
     def _against_world(self, truth: Truth) -> list[Closest]:
-        hull, t = self.hulls[truth.robot], _moments(truth)
-        centre = _positions(truth, t) + np.array([0.0, 0.0, hull.height / 2])
-        seconds = np.asarray((t - self.start) * 1e-9, np.float64)
-        gap, what = self._gaps(hull, centre, seconds)
+        t = _moments(truth)
+        gap, what = self._gaps(self.hulls[truth.robot], *self._seen(truth, t))
         closest = [Closest(robot=truth.robot, what=what(k), distance=float(gap[k]), t=int(t[k])) for k in _telling(gap)]
         for one in closest:
             _keep(self.clearances, truth.robot, one)
@@ -106,15 +123,14 @@ class Monitor:
         return gap, what
 
     def _against_another(self, a: Truth, b: Truth) -> list[Closest]:
-        one, two, t = self.hulls[a.robot], self.hulls[b.robot], _moments(a)
-        d = _positions(b, t) - _positions(a, t)
-        sideways = np.hypot(d[:, 0], d[:, 1]) - one.radius - two.radius
-        above = np.maximum(d[:, 2] - one.height, -d[:, 2] - two.height)
-        gap = np.where((sideways > 0) & (above > 0), np.hypot(sideways, above), np.maximum(sideways, above))
-        k = int(np.argmin(gap))
-        _keep(self.separations, (a.robot, b.robot), Closest(robot=a.robot, what=b.robot, distance=gap[k], t=int(t[k])))
-        touching = np.flatnonzero(gap < -1e-3)  # one may stand on the other
-        return [Closest(robot=a.robot, what=b.robot, distance=float(gap[k]), t=int(t[k])) for k in touching[:1]]
+        t, gap = self.separation(a, b)
+        touching = np.flatnonzero(gap < -1e-3)[:1]  # one may stand on the other
+        nearest, *hits = (
+            Closest(robot=a.robot, what=b.robot, distance=float(gap[k]), t=int(t[k]))
+            for k in (int(np.argmin(gap)), *touching.tolist())
+        )
+        _keep(self.separations, (a.robot, b.robot), nearest)
+        return hits
 
     def _against_fence(self, truth: Truth) -> None:
         if self.world.fence is None:
@@ -122,7 +138,9 @@ class Monitor:
         t = _moments(truth)
         margin = self.world.fence.margin(_positions(truth, t))
         k = int(np.argmin(margin))
-        _keep(self.fences, truth.robot, Closest(robot=truth.robot, what="fence", distance=margin[k], t=int(t[k])))
+        _keep(
+            self.fences, truth.robot, Closest(robot=truth.robot, what="fence", distance=float(margin[k]), t=int(t[k]))
+        )
 
 
 def _telling(gap: Floats) -> list[int]:

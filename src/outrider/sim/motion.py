@@ -111,16 +111,43 @@ def fly(
     Position and heading are quintic B-splines, so rates and specific force are their exact derivatives. The body's z
     axis points along the thrust, a + g; with `wobble` (rough tilt, rad) it is free of the motion instead.
     """
-    up = np.array([0.0, 0.0, place.gravity])
     path = _spline(_waypoints(rng, duration_s, speed, box), 2.0, 5, duration_s)
     yaw = _spline(_headings(rng, duration_s), 3.0, 5, duration_s)
     t = np.arange(_count(duration_s, rate_hz)) / rate_hz
-    a, jerk = path.derivative(2)(t), path.derivative(3)(t)
-    thrust, thrust_dot = a + up, jerk
-    if wobble is not None:
-        lean = _spline(rng.normal(0.0, wobble * place.gravity, (int(duration_s) + 6, 3)), 1.0, 5, duration_s)
-        thrust, thrust_dot = lean(t) * [1.0, 1.0, 0.0] + up, lean.derivative()(t) * [1.0, 1.0, 0.0]
-    R, w = _attitude(thrust, thrust_dot, yaw(t)[:, 0], yaw.derivative()(t)[:, 0])
+    if wobble is None:
+        return _carried(path, yaw, t, place, leans=True)
+    lean = _spline(rng.normal(0.0, wobble * place.gravity, (int(duration_s) + 6, 3)), 1.0, 5, duration_s)
+    thrust, thrust_dot = lean(t) * [1.0, 1.0, 0.0] + [0.0, 0.0, place.gravity], lean.derivative()(t) * [1.0, 1.0, 0.0]
+    return _carried(path, yaw, t, place, thrust=(thrust, thrust_dot))
+
+
+def glide(
+    control: Floats, spacing: float, duration_s: float, rate_hz: float, *, leans: bool = False, place: Place = Place()
+) -> Truth:
+    """Quintic B-spline of (x, y, z, heading): control (m, 4), `spacing` [s] apart, the last one held.
+
+    The body is upright or, if it `leans`, its z axis points along the thrust, a + g, as a multirotor's does.
+    """
+    t = np.arange(_count(duration_s, rate_hz)) / rate_hz
+    path, yaw = (_spline(control[:, part], spacing, 5, duration_s) for part in (slice(0, 3), slice(3, 4)))
+    return _carried(path, yaw, t, place, leans=leans)
+
+
+def _carried(
+    path: "BSpline",
+    yaw: "BSpline",
+    t: Floats,
+    place: Place,
+    *,
+    leans: bool = False,
+    thrust: tuple[Floats, Floats] | None = None,
+) -> Truth:
+    """Position and heading of splines; the body's z axis along the thrust (and its derivative), if any, else up."""
+    a = path.derivative(2)(t)
+    up = np.broadcast_to([0.0, 0.0, place.gravity], a.shape)
+    if thrust is None:
+        thrust = (a + up, path.derivative(3)(t)) if leans else (up, np.zeros_like(up))
+    R, w = _attitude(*thrust, yaw(t)[:, 0], yaw.derivative()(t)[:, 0])
     f = np.einsum("nji,nj->ni", R, a + up)
     return _truth(t, place, p=path(t), q=matrices_to_quats(R), v=path.derivative()(t), w=w, f=f)
 

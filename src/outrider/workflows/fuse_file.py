@@ -7,6 +7,7 @@ from typing import final
 
 from outrider.data import EventLog, Run, Trajectory
 from outrider.io.registry import read_log
+from outrider.io.robots import of_robot
 from outrider.io.runs import REPORT, ensure_free, run_folder, write_run
 from outrider.workflows.config import FuseConfig
 from outrider.workflows.fuse import fuse
@@ -20,13 +21,14 @@ Progress = Callable[[str, float], None]
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Input:
     """Which part of a log to read, and how. topics : names or patterns, all by default;  start_s, end_s : seconds
-    since the log's first event;  mapping : makes a CSV readable."""
+    since the log's first event;  mapping : makes a CSV readable;  robot : which of several."""
 
     log: Path
     topics: Sequence[str] | None = None
     start_s: float | None = None
     end_s: float | None = None
     mapping: Path | None = None
+    robot: str | None = None
 
     def read(self, robot: str = "robot", progress: Progress | None = None) -> EventLog:
         """Read the log; progress counts its bytes."""
@@ -35,10 +37,11 @@ class Input:
             if progress is not None:
                 progress("reading", min(1.0, done / max(total, 1)))
 
-        return read_log(
+        log = read_log(
             self.log, robot=robot, topics=self.topics, start_s=self.start_s, end_s=self.end_s, progress=of_bytes,
             mapping=self.mapping,
         )  # fmt: skip
+        return of_robot(log, self.robot)
 
 
 def fuse_file(
@@ -104,5 +107,6 @@ def document(run: Run, source: Input) -> dict[str, object]:
     """The summary, with the part of the log that was read."""
     summary = summarise(run)
     chosen = {"topics": source.topics, "start_s": source.start_s, "end_s": source.end_s}
+    chosen["robot"] = source.robot
     chosen["mapping"] = None if source.mapping is None else str(source.mapping)
     return {**summary, "log": {**summary["log"], "read": {k: v for k, v in chosen.items() if v is not None}}}

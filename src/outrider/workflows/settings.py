@@ -2,10 +2,10 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from outrider.io.checked import validated
-from outrider.io.config import read_yaml
+from outrider.io.config import merged, read_yaml
 from outrider.workflows.config import FuseConfig
 
 
@@ -27,23 +27,6 @@ def parse_config(data: Mapping[str, object], where: str = "") -> FuseConfig:
     return validated(FuseConfig, data, where)
 
 
-def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
-    """`base` with the values of `over`, mappings joined key by key."""
-    out = dict(base)
-    for key, value in over.items():
-        mine = out.get(key)
-        out[key] = merged(_mapping(mine), _mapping(value)) if _is_both(mine, value) else value
-    return out
-
-
 def schema() -> dict[str, Any]:
     """JSON schema of the configuration, for editors."""
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **FuseConfig.model_json_schema()}
-
-
-def _mapping(value: object) -> Mapping[str, Any]:
-    return cast("Mapping[str, Any]", value)
-
-
-def _is_both(a: object, b: object) -> bool:
-    return isinstance(a, Mapping) and isinstance(b, Mapping)

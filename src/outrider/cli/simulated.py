@@ -1,0 +1,60 @@
+"""What a person reads of scenarios and simulations; from the documents that `--json` prints."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.markup import escape
+from rich.text import Text
+
+from outrider.cli.render import NONE, _number, _print_table, _table, console
+
+
+def listing(scenarios: Sequence[Mapping[str, Any]]) -> None:
+    """Scenarios with what they can be told."""
+    out = console()
+    for s in scenarios:
+        out.print(Text.assemble((s["name"], "bold"), f"  {', '.join(s['tags'])}"))
+        out.print(Text(f"  {s['about']}"))
+        told = ", ".join(f"{key}={value}" for key, value in s["settings"].items())
+        out.print(Text(f"  --set {told}" if told else "", "dim"))
+
+
+def run(summary: Mapping[str, Any], folder: Path, *, quiet: bool = False) -> None:
+    """Outcome, robots, closest approaches, messages."""
+    out = console()
+    good = summary["outcome"]["code"] in ("goal", "time")
+    text = str(summary["outcome"]["text"])
+    out.print(Text(text, "bold green" if good else "bold red"))
+    if quiet:
+        return
+    took = f"simulated in {_number(summary['wall_s'])} s, {_number(summary['times_real_time'])} x real time"
+    out.print(Text(f"{_number(summary['duration_s'])} s, {summary['log']['records']} records, {took}"))
+    table = _table("robot", "moves by", ">distance", ">top speed", ">clearance", "to", ">fence", ">own estimate, RMSE")
+    for name, r in summary["robots"].items():
+        near, fence, own = r["clearance"], r["fence"], r["estimate"]
+        table.add_row(
+            escape(name), escape(f"{r['vehicle']}, {r['driven_by']}"), f"{_number(r['distance_m'])} m",
+            f"{_number(r['top_speed_m_s'])} m/s", f"{_number(near['distance_m'])} m" if near else NONE,
+            escape(f"{near['to']}, {near['t_s']:.1f} s" if near else NONE),
+            f"{_number(fence['distance_m'])} m" if fence else NONE, f"{_number(own['rmse_m'])} m" if own else NONE,
+        )  # fmt: skip
+    _print_table(out, table)
+    for s in summary["separations"]:
+        pair = " and ".join(s["robots"])
+        out.print(Text(f"{pair} came within {_number(s['distance_m'])} m of each other, after {s['t_s']:.1f} s"))
+    sent = summary["messages"]["sent"]
+    if sent:
+        lost = ", ".join(f"{n} {reason}" for reason, n in summary["messages"]["lost"].items())
+        out.print(Text(f"{sent} messages sent, lost: {lost or 'none'}"))
+    report = folder / "report.html"
+    out.print(Text(f"report: {report}" if report.exists() else f"written to {folder}"))
+    out.print(Text(f"try: {_invitation(summary, folder)}"))
+
+
+def _invitation(summary: Mapping[str, Any], folder: Path) -> str:
+    """How to fuse the recording in the frame of its truth."""
+    robots, site = list(summary["robots"]), summary["datum"]
+    which = f" --robot {robots[0]}" if len(robots) > 1 else ""
+    datum = ",".join(f"{site[key]:.12g}" for key in ("lat_deg", "lon_deg", "alt_m"))
+    return f"outrider fuse {folder / 'run.mcap'}{which} --datum {datum}"

@@ -1,0 +1,185 @@
+"""From a checked scenario to a world, a team and a radio."""
+
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import Any, final
+
+import numpy as np
+
+from outrider.data.agents import Agent, Planned
+from outrider.errors import ConfigError
+from outrider.io.faults import fault_at, remedy
+from outrider.models.vehicles import AIR_INPUTS, Vehicle
+from outrider.scenarios.navigation import Put, mount_matrix, navigator
+from outrider.scenarios.parts import (
+    FAULTS,
+    PLACES,
+    SENSORS,
+    VEHICLES,
+    RobotSection,
+    Scenario,
+    TourMission,
+    WorldSection,
+)
+from outrider.scenarios.sections import made_of
+from outrider.scenarios.tracks import track
+from outrider.sim.engine import Simulation, simulate
+from outrider.sim.monitor import Hull
+from outrider.sim.radio import Radio
+from outrider.sim.sensors import GnssReceiver, Spell
+from outrider.sim.team import Robot
+from outrider.sim.truth import EPOCH, Drift, Truth
+from outrider.sim.world import Fence, Ground, Mover, Wall, Wind, World
+from outrider.team import Schedule, Tour
+from outrider.typing import Floats
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cast:
+    """What a scenario describes, ready to run once: agents keep what they have learnt."""
+
+    world: World
+    team: tuple[Robot, ...]
+    radio: Radio
+    duration_s: float
+    seed: int
+
+    where: str = ""
+
+    def run(self) -> Simulation:
+        """Simulate it. Raises ConfigError for what only shows on the spot: a robot that starts inside a wall."""
+        try:
+            return simulate(self.world, self.team, self.duration_s, self.seed, radio=self.radio)
+        except ConfigError as e:
+            own = [r.name for r in self.team if e.where == f"robot {r.name}"]
+            what = e.what if own or not e.where else f"{e.where}: {e.what}"
+            raise fault_at(("team", *own), what, self.where, e.fix) from None
+
+
+def build(scenario: Scenario, where: str = "") -> Cast:
+    """The objects of a scenario. What cannot be is a ConfigError with its place in the file `where`."""
+    with at(where, "world"):
+        world = _world(scenario.world)
+        world.validate()
+    with at(where, "radio"):
+        radio = made_of(Radio, scenario.radio)
+    team = tuple(_robot(name, section, world, scenario.duration_s, where) for name, section in scenario.team.items())
+    return Cast(world=world, team=team, radio=radio, duration_s=scenario.duration_s, seed=scenario.seed, where=where)
+
+
+@contextmanager
+def at(where: str, *keys: str | int) -> Generator[None, None, None]:
+    """Give the place in the file to a ConfigError that knows only its class."""
+    try:
+        yield
+    except ConfigError as e:
+        raise fault_at(keys, f"{e.where}: {e.what}" if e.where else e.what, where, e.fix) from None
+
+
+def _world(section: WorldSection) -> World:
+    given = section.place.model_dump(exclude={"type"})
+    world = PLACES[section.place.type](**given)
+    movers = [Mover.along(**m.model_dump()) for m in section.movers]
+    return replace(
+        world,
+        wind=made_of(Wind, section.wind),
+        ground=made_of(Ground, section.ground),
+        walls=(*world.walls, *(made_of(Wall, w) for w in section.walls)),
+        movers=(*world.movers, *movers),
+        fence=world.fence if section.fence is None else made_of(Fence, section.fence),
+    )
+
+
+def _robot(name: str, section: RobotSection, world: World, duration_s: float, where: str) -> Robot:
+    key = ("team", name)
+    start = section.start
+    put: Put = (start.x, start.y, start.z, start.yaw)
+    vehicle: Vehicle | None = None
+    if section.vehicle is not None:
+        with at(where, *key, "vehicle"):
+            vehicle = made_of(VEHICLES[section.vehicle.type], section.vehicle, gravity=world.gravity)
+    carried = _sensors(section, where, key)
+    agent: Agent | Planned | None = None
+    path: Truth | None = None
+    with at(where, *key, "mission"):
+        mission: Any = section.mission
+        if mission.type == "track":
+            path = track(mission, put, duration_s, world, name)
+            if vehicle is not None:
+                raise ConfigError("a track carries its robot", fix="leave out the vehicle, or give it a tour")
+        elif vehicle is None:
+            raise ConfigError(f"a mission '{mission.type}' needs a vehicle", fix=f"there are: {', '.join(VEHICLES)}")
+        else:
+            agent = _agent(name, mission, vehicle, carried, put, world)
+    return Robot(
+        name=name, vehicle=vehicle, agent=agent, track=path, sensors=carried, start=put,
+        mounts={getattr(s, "frame", s.name): mount_matrix(s) for s in _bare(carried) if hasattr(s, "lever")},
+        drift=made_of(Drift, section.drift), size=None if section.size is None else made_of(Hull, section.size),
+    )  # fmt: skip
+
+
+def _agent(
+    name: str, mission: Any, vehicle: Vehicle, carried: tuple[Any, ...], put: Put, world: World
+) -> Agent | Planned:
+    if mission.type == "tour":
+        return _tour(name, mission, vehicle, carried, put, world)
+    width = len(vehicle.inputs)
+    if mission.type == "still":
+        return Schedule(t_s=np.zeros(1), u=np.zeros((1, width)))
+    plan = made_of(Schedule, mission)
+    if plan.u.shape[1] != width:
+        raise ConfigError(f"{plan.u.shape[1]} numbers in a row of u", fix=f"give {', '.join(vehicle.inputs)}")
+    return plan
+
+
+def _tour(name: str, mission: TourMission, vehicle: Vehicle, carried: tuple[Any, ...], put: Put, world: World) -> Tour:
+    flies = vehicle.inputs == AIR_INPUTS
+    own = navigator(carried, put, EPOCH, world, flies=flies, robot=name)
+    waypoints = np.array([_place(p, put[2]) for p in mission.waypoints])
+    options = {k: getattr(mission, k) for k in ("speed", "reach", "turn", "period_s")}
+    return Tour(own, waypoints, flies=flies, **options)
+
+
+def _place(point: list[float], height: float) -> Floats:
+    """(3,) a waypoint; of one without a height the start's is taken."""
+    if len(point) not in (2, 3):
+        raise ConfigError(f"a waypoint of {len(point)} numbers", fix="give east, north and, in the air, up")
+    return np.array([*point, height][:3])
+
+
+def _sensors(section: RobotSection, where: str, key: tuple[str, ...]) -> tuple[Any, ...]:
+    """Every sensor with its faults around it."""
+    made: dict[str, Any] = {}
+    for k, one in enumerate(section.sensors):
+        with at(where, *key, "sensors", k):
+            sensor: Any = made_of(SENSORS[one.type], one)
+            if sensor.name in made:
+                raise ConfigError(f"a second sensor of the name '{sensor.name}'", fix="give it a `name` of its own")
+            made[sensor.name] = sensor
+    for k, fault in enumerate(section.faults):
+        with at(where, *key, "faults", k):
+            if fault.sensor not in made:
+                raise ConfigError(f"no sensor '{fault.sensor}'", fix=remedy(fault.sensor, list(made)))
+            made[fault.sensor] = _spoilt(made[fault.sensor], fault)
+    return tuple(made.values())
+
+
+def _spoilt(sensor: Any, fault: Any) -> Any:
+    if fault.type != "spell":
+        return made_of(FAULTS[fault.type], fault, sensor=sensor)
+    if not isinstance(sensor, GnssReceiver):
+        fix = "use `faulty`, or name it before other faults of its sensor"
+        raise ConfigError("a spell is something of a gnss_receiver", fix=fix)
+    return replace(sensor, spells=(*sensor.spells, made_of(Spell, fault)))
+
+
+def _bare(carried: tuple[Any, ...]) -> list[Any]:
+    """The sensors without what is wrong with them."""
+    out = list(carried)
+    for k, sensor in enumerate(out):
+        while hasattr(sensor, "sensor"):
+            sensor = sensor.sensor
+        out[k] = sensor
+    return out

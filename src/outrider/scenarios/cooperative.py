@@ -1,0 +1,71 @@
+"""Scenarios of a ground and an aerial robot together."""
+
+from dataclasses import dataclass
+from typing import final
+
+from outrider.scenarios.registry import Description, scenario
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tour:
+    """Speeds of the two robots [m/s]."""
+
+    ugv_speed: float = 0.68
+    uav_speed: float = 1.25
+
+
+# East, north (and up) [m] once around the airliner: nose at (0, 1), tail at (0, 38.6), wing tips at (+-17, 24).
+UGV = (
+    (0, -1), (5, -1.5), (3.2, 8), (9.5, 16), (10, 26), (5, 33), (3, 41),
+    (-3, 41), (-5, 33), (-10, 26), (-9.5, 16), (-3.2, 8), (-5, -1.5), (0, -2),
+)  # fmt: skip
+UAV = (
+    (0, -2, 4), (6, 0, 7), (6, 10, 9), (19, 20, 7), (19, 27, 5), (9, 30, 9), (9, 36, 12), (0, 42, 13),
+    (-9, 36, 12), (-9, 30, 9), (-19, 27, 5), (-19, 20, 7), (-6, 10, 9), (-6, 0, 7), (0, -4, 4), (0, -4, 1.5),
+)  # fmt: skip
+
+
+@scenario("airliner-tour", tags=("cooperative", "open loop", "coop2024"))
+def airliner_tour(cfg: Tour) -> Description:
+    """A ground robot and a drone are carried around a parked airliner with every sensor of coop2024."""
+    return {
+        "duration_s": 180.0,
+        "world": {"place": {"type": "parked_airliner"}},
+        "team": {
+            "ugv": {
+                "start": {"x": 0.0, "y": -2.0, "yaw_deg": 90.0},
+                "size": {"radius": 0.5, "height": 0.6},
+                "sensors": [
+                    *_common(0.01, (0.3, 0.2, 0.5)),
+                    {"type": "body_twist", "name": "wheels", "rate_hz": 100.0, "sigma_v": 0.4, "sigma_w": 0.05,
+                     "rolling": False},
+                    {"type": "robot_camera", "name": "camera_up", "mount_rpy_deg": [0.0, -90.0, 0.0], "reach": 15.0},
+                ],
+                "mission": {"type": "track", "points": [[*map(float, p), 0.0] for p in UGV], "speed": cfg.ugv_speed},
+            },
+            "uav": {
+                "start": {"x": 0.0, "y": -4.0, "z": 0.0, "yaw_deg": 90.0},
+                "size": {"radius": 0.35, "height": 0.25},
+                "sensors": [
+                    *_common(0.01, (0.0, 0.0, 0.15)),
+                    {"type": "baro", "rate_hz": 100.0, "sigma": 0.25},
+                    {"type": "robot_camera", "name": "camera_down", "mount_rpy_deg": [0.0, 90.0, 0.0], "reach": 15.0},
+                ],
+                "mission": {"type": "track", "points": [list(map(float, p)) for p in UAV], "speed": cfg.uav_speed,
+                            "flies": True, "spacing_s": 1.5},
+            },
+        },
+    }  # fmt: skip
+
+
+def _common(gyro: float, antenna: tuple[float, float, float]) -> list[Description]:
+    """What both carry; deviations are the paper's, per sample."""
+    root_hz = 100.0**0.5
+    return [
+        {"type": "imu", "gyro_density": gyro / root_hz, "accel_density": 0.015 / root_hz},
+        {"type": "gnss", "rate_hz": 10.0, "sigma": 0.7, "sigma_up": 0.7, "lever": list(antenna), "fix": "single"},
+        {"type": "gnss_velocity", "rate_hz": 10.0, "sigma": 0.05, "sigma_up": 0.05, "lever": list(antenna)},
+        {"type": "stereo_velocity", "rate_hz": 2.0, "sigma": 0.2, "reach": 4.0},
+        {"type": "object_pose", "name": "lidar", "object": "airliner", "rate_hz": 1.0},
+    ]

@@ -1,0 +1,174 @@
+"""A scenario run and kept: a folder with the recording, the truth, the numbers, the report and the scenario itself."""
+
+import platform
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Final, final
+
+import numpy as np
+
+from outrider import __version__
+from outrider.data.agents import Planned
+from outrider.errors import ExitCode
+from outrider.io import folders
+from outrider.io.record import write_recording
+from outrider.io.tum import write_tum
+from outrider.scenarios.build import Cast, build
+from outrider.scenarios.files import scenario_text
+from outrider.scenarios.parts import Scenario
+from outrider.sim.engine import Ending, Simulation
+from outrider.sim.monitor import Closest
+from outrider.sim.radio import Lost
+
+SCHEMA: Final = "outrider.simulation/1"
+SUMMARY, RECORDING, SCENARIO, REPORT = "summary.json", "run.mcap", "scenario.yaml", "report.html"
+GOOD: Final = (Ending.GOAL, Ending.TIME)
+
+Progress = Callable[[str, float], None]
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Done:
+    """A scenario that was run."""
+
+    scenario: Scenario
+    cast: Cast
+    run: Simulation
+    wall_s: float
+
+    @property
+    def exit_code(self) -> ExitCode:
+        """Whether it ended as planned."""
+        return ExitCode.OK if self.run.ending in GOOD else ExitCode.FAILED_CHECK
+
+
+def ensure_free(folder: Path, *, force: bool = False) -> None:
+    """Refuse a folder that holds anything but an earlier simulation, and that only without `force`."""
+    folders.ensure_free(folder, SUMMARY, SCHEMA, force=force)
+
+
+def run_scenario(
+    scenario: Scenario,
+    output: Path,
+    *,
+    where: str = "",
+    force: bool = False,
+    report: bool = True,
+    command: str = "",
+    progress: Progress | None = None,
+) -> tuple[Done, dict[str, Any]]:
+    """Run a scenario and write its folder, complete or not at all; what was done, and its summary.
+
+    Raises ConfigError for what cannot be, OutputExistsError if there is something at `output`.
+    """
+    ensure_free(output, force=force)
+    cast = build(scenario, where)
+    tell = progress or _silent
+    tell("simulating", 0.0)
+    began = time.perf_counter()
+    done = Done(scenario=scenario, cast=cast, run=cast.run(), wall_s=time.perf_counter() - began)
+    document = summarise(done)
+    with folders.result_folder(output, SUMMARY, SCHEMA, force=force) as part:
+        tell("writing", 0.0)
+        write_recording(done.run.log, part / RECORDING)
+        for name, truth in done.run.truth.items():
+            write_tum(truth.trajectory(), part / f"truth_{name}.tum")
+        (part / SCENARIO).write_text(scenario_text(scenario), encoding="utf-8")
+        if report:
+            from outrider.plot.simulation import write_simulation_report  # imports matplotlib
+
+            tell("report", 0.0)
+            text = scenario_text(scenario)
+            write_simulation_report(done.run, document, part / REPORT, scenario=text, command=command)
+        folders.write_marker(part, SUMMARY, document)
+    return done, document
+
+
+def rehearse(scenario: Scenario, where: str = "") -> Cast:
+    """Everything but the run: one step of it finds robots that start in a wall and sensors that lack their object."""
+    cast = build(scenario, where)
+    step = max((r.vehicle.step_s for r in cast.team if r.vehicle is not None), default=0.01)
+    replace(cast, duration_s=step).run()
+    return cast
+
+
+def summarise(done: Done) -> dict[str, Any]:
+    """Everything about a simulation but its time series. SI units."""
+    run, scenario, site = done.run, done.scenario, done.cast.world.datum
+    lasted = (run.ended - run.monitor.start) * 1e-9
+    return {
+        "schema": SCHEMA,
+        "scenario": scenario.name,
+        "about": scenario.about,
+        "outcome": {"code": run.ending.name.lower(), "text": run.sentence},
+        "seed": scenario.seed,
+        "start_ns": run.monitor.start,
+        "duration_s": lasted,
+        "world": done.cast.world.name,
+        "datum": {"lat_deg": float(np.degrees(site.lat)), "lon_deg": float(np.degrees(site.lon)), "alt_m": site.alt},
+        "robots": {name: _robot(done, name) for name in run.truth},
+        "separations": [
+            {"robots": list(pair), **(_closest(run, c) or {})} for pair, c in sorted(run.monitor.separations.items())
+        ],
+        "messages": {
+            "sent": run.air.sent,
+            "lost": {reason.name.lower(): run.air.lost[reason] for reason in Lost if run.air.lost[reason]},
+        },
+        "notes": [
+            {"t_s": (n.t - run.monitor.start) * 1e-9, "robot": n.robot, "text": n.text} for n in run.notes
+        ],
+        "log": {"records": len(run.log), "sha256": run.log.sha256},
+        "wall_s": done.wall_s,
+        "times_real_time": lasted / done.wall_s,
+        "versions": {
+            "outrider": __version__, "python": platform.python_version(), "machine": platform.machine(),
+            "numpy": version("numpy"), "numba": version("numba"),
+        },
+    }  # fmt: skip
+
+
+def _robot(done: Done, name: str) -> dict[str, Any]:
+    run, truth = done.run, done.run.truth[name]
+    member = next(r for r in done.cast.team if r.name == name)
+    several = len(run.truth) > 1
+    steps = np.linalg.norm(np.diff(truth.p, axis=0), axis=1)
+    by_agent = member.agent is not None and not isinstance(member.agent, Planned)
+    return {
+        "vehicle": type(member.vehicle).__name__.lower() if member.vehicle else "carried",
+        "driven_by": type(member.agent).__name__.lower() if member.agent else "track",
+        "closed_loop": by_agent,
+        "distance_m": float(steps.sum()),
+        "top_speed_m_s": float(np.linalg.norm(truth.v, axis=1).max()),
+        "end": dict(zip(("east_m", "north_m", "up_m"), truth.p[-1].tolist(), strict=True)),
+        "clearance": _closest(run, run.monitor.clearances.get(name)),
+        "fence": _closest(run, run.monitor.fences.get(name)),
+        "estimate": _estimate(done, f"{name}/estimate" if several else "estimate", name),
+        "sensors": {
+            s.name.removeprefix(f"{name}/"): {"kind": s.kind.value, "records": len(s), "rate_hz": s.rate}
+            for s in run.log
+            if s.robot == name
+        },
+    }
+
+
+def _closest(run: Simulation, c: Closest | None) -> dict[str, Any] | None:
+    if c is None:
+        return None
+    return {"distance_m": float(c.distance), "to": c.what, "t_s": (c.t - run.monitor.start) * 1e-9}
+
+
+def _estimate(done: Done, stream: str, name: str) -> dict[str, Any] | None:
+    """How far the robot's own estimate was from the truth, horizontally."""
+    s = done.run.log.streams.get(stream)
+    if s is None or not len(s):
+        return None
+    error = np.linalg.norm((s.z[:, :3] - done.run.truth[name].at(s.t).p)[:, :2], axis=1)
+    return {"records": len(s), "rmse_m": float(np.sqrt(np.mean(error**2))), "largest_m": float(error.max())}
+
+
+def _silent(what: str, share: float) -> None:
+    pass

@@ -1,0 +1,186 @@
+"""Sections of a scenario file, made of our own frozen dataclasses: the same fields, defaults and types, checked.
+
+What a file cannot hold is translated: an enum is one of its names in small letters, an array a list of lists. An angle
+may be given in degrees by the key with `_deg`, an orientation as `mount_rpy_deg` (roll, pitch, yaw).
+"""
+
+from collections.abc import Mapping
+from dataclasses import MISSING, Field, fields, is_dataclass
+from enum import Enum
+from functools import cache, reduce
+from math import isnan
+from operator import or_
+from types import NoneType, UnionType
+from typing import Annotated, Any, Final, Literal, TypeAlias, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+
+import numpy as np
+from annotated_types import Ge, Gt
+from pydantic import AfterValidator, BaseModel, ConfigDict, create_model, model_validator
+from pydantic import Field as Option
+
+from outrider.core.attitudes import rpy_to_quats
+from outrider.errors import ConfigError
+
+T = TypeVar("T")
+
+ANGLES: Final[Mapping[str, tuple[str, ...]]] = {
+    "Attitude": ("sigma", "yaw_error"),
+    "BodyTwist": ("sigma_w",),
+    "Heading": ("sigma", "offset"),
+    "Imu": ("misalignment", "gyro_range"),
+    "Lidar": ("field",),
+    "Multirotor": ("yaw_rate", "tilt_rate"),
+    "ObjectPose": ("sigma_angle", "apart"),
+    "RobotCamera": ("half_angle", "sigma_angle"),
+    "Rotorcraft": ("yaw_rate", "tilt_rate"),
+    "Steering": ("limit", "rate"),
+    "SteeringEncoder": ("sigma_angle", "offset"),
+}
+"""Fields in radians, or radians per second, by class."""
+COUNTS: Final = ("beams", "wheels", "satellites")
+
+
+def _number(value: float) -> float:
+    if isnan(value):
+        raise ValueError("is no number")
+    return value
+
+
+Number: TypeAlias = Annotated[float, AfterValidator(_number)]
+Table: TypeAlias = list[Number] | list[list[Number]]
+
+
+class Part(BaseModel):
+    """A section: unknown keys are errors, values are frozen, angles may come in degrees."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True, defer_build=True)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _in_radians(cls, data: object) -> object:
+        if not isinstance(data, Mapping):
+            return data
+        given = dict(cast("Mapping[str, Any]", data))
+        for key in [k for k in cls.model_fields if k.endswith("_deg") and given.get(k) is not None]:
+            name = key.removesuffix("_rpy_deg") if key.endswith("_rpy_deg") else key.removesuffix("_deg")
+            if name in given:
+                raise ValueError(f"both {name} and {key} are given")
+            try:
+                angle = np.radians(np.array(given[key], np.float64))
+                turned = rpy_to_quats(angle.reshape(1, 3))[0] if key.endswith("_rpy_deg") else angle
+            except (TypeError, ValueError):
+                continue  # no numbers: the field says so
+            del given[key]
+            given[name] = turned.tolist()
+        return given
+
+
+def section_of(cls: type[Any], *, tag: str = "", skip: tuple[str, ...] = ()) -> type[Part]:
+    """The section that describes an instance of a dataclass; with `tag`, its key `type` holds that word."""
+    hints = get_type_hints(cls)
+    made: dict[str, Any] = {"type": (Literal[tag], ...)} if tag else {}  # type: ignore[valid-type]
+    for f in fields(cls):
+        if not f.init or f.name in skip:
+            continue
+        kind = _translated(hints[f.name], f.name)
+        made[f.name] = (kind, _option(f, hints[f.name]))
+        if f.name in ANGLES.get(cls.__name__, ()):
+            made[f"{f.name}_deg"] = (kind | None, None)
+        if f.name == "mount":
+            made["mount_rpy_deg"] = (tuple[Number, Number, Number] | None, None)
+    return create_model(cls.__name__, __base__=Part, __doc__=_first_sentence(cls), **made)
+
+
+@cache
+def inner_section(cls: type[Any]) -> type[Part]:
+    """The section of a dataclass that others hold."""
+    return section_of(cls)
+
+
+def tagged(registry: Mapping[str, type[Any]], skip: tuple[str, ...] = ()) -> Any:
+    """The type of a section that is one of a registry, by its key `type`."""
+    sections = [section_of(cls, tag=name, skip=skip) for name, cls in registry.items()]
+    return Annotated[reduce(or_, cast("list[Any]", sections)), Option(discriminator="type")]
+
+
+def made_of(cls: type[T], section: BaseModel, **more: object) -> T:
+    """The instance that a section describes. What cannot be is a `ConfigError` of its class."""
+    hints = get_type_hints(cls)
+    names = [f.name for f in fields(cast("Any", cls)) if f.init and f.name in type(section).model_fields]
+    return cls(**{n: _real(hints[n], getattr(section, n), n) for n in names if n not in more}, **more)
+
+
+def plain_value(value: object) -> object:
+    """What a file would hold for a value."""
+    if isinstance(value, Enum):
+        return value.name.lower()
+    if is_dataclass(value) and not isinstance(value, type):
+        return {f.name: plain_value(getattr(value, f.name)) for f in fields(value) if f.init}
+    if isinstance(value, Mapping):
+        items = cast("Mapping[object, object]", value).items()
+        return {plain_value(k): plain_value(v) for k, v in items}
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    return [plain_value(v) for v in cast("tuple[object, ...]", value)] if isinstance(value, tuple) else value
+
+
+def _option(f: "Field[Any]", hint: object) -> Any:
+    if f.default is not MISSING:
+        return Option(default=plain_value(f.default), validate_default=True)
+    if f.default_factory is not MISSING:
+        made = plain_value(f.default_factory())
+        return Option(default_factory=lambda: made, validate_default=True)
+    return ...
+
+
+def _translated(hint: Any, name: str) -> Any:
+    """The type that a file holds; bounds by the field's name."""
+    origin, inside = get_origin(hint), get_args(hint)
+    if origin is np.ndarray:
+        return Table
+    if origin in (Union, UnionType):
+        return reduce(or_, [None if a is NoneType else _translated(a, name) for a in inside])
+    if origin is tuple:
+        return tuple[tuple(a if a is ... else _translated(a, name) for a in inside)]  # type: ignore[misc]
+    if isinstance(origin, type) and issubclass(origin, Mapping):
+        return dict[_translated(inside[0], ""), _translated(inside[1], name)]  # type: ignore[misc]
+    if is_dataclass(hint):
+        return inner_section(cast("type[Any]", hint))
+    if isinstance(hint, type) and issubclass(hint, Enum):
+        return Literal[tuple(e.name.lower() for e in hint)]  # type: ignore[misc]
+    return _bounded(Number if hint is float else hint, name)
+
+
+def _bounded(kind: Any, name: str) -> Any:
+    """Rates, reaches and counts are positive, deviations, delays and shares are not negative."""
+    if name.endswith("_hz") or name in ("max_range", "reach", "period_s") or (kind is int and name in COUNTS):
+        return Annotated[kind, Gt(0)]
+    if name.startswith("sigma") or name.endswith("_density") or name in ("latency_s", "jitter_s", "drop", "loss"):
+        return Annotated[kind, Ge(0)]
+    return kind
+
+
+def _real(hint: Any, value: Any, name: str) -> Any:
+    """The value that our own class takes."""
+    origin, inside = get_origin(hint), get_args(hint)
+    if value is None:
+        return None
+    if origin is np.ndarray:
+        try:
+            return np.array(value, np.float64)
+        except ValueError:
+            raise ConfigError(f"rows of {name} are not of one length", fix="give each the same number") from None
+    if origin in (Union, UnionType):
+        return _real(next(a for a in inside if a is not NoneType), value, name)
+    if origin is tuple:
+        kinds = inside[:1] * len(value) if inside[-1] is ... else inside
+        return tuple(_real(kind, v, name) for kind, v in zip(kinds, value, strict=True))
+    if isinstance(origin, type) and issubclass(origin, Mapping):
+        return {_real(inside[0], k, ""): _real(inside[1], v, name) for k, v in value.items()}
+    if is_dataclass(hint):
+        return made_of(cast("type[Any]", hint), value)
+    return hint[value.upper()] if isinstance(hint, type) and issubclass(hint, Enum) else value
+
+
+def _first_sentence(cls: type[Any]) -> str:
+    return " ".join((cls.__doc__ or "").split("\n\n")[0].split())

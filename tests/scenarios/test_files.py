@@ -1,0 +1,172 @@
+"""Scenario files: what is said is what is run; what cannot be is one line with its place and remedy."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from yard import YARD
+
+from outrider.errors import ConfigError, ExitCode
+from outrider.scenarios.build import build
+from outrider.scenarios.files import load_scenario, resolved, scenario_text, schema, settings_of
+from outrider.scenarios.parts import FAULTS, PLACES, SENSORS, VEHICLES
+from outrider.scenarios.runs import rehearse
+from outrider.sim.sensors import Clocked, Faulty, Wrong
+
+FAULTY = {
+    "type: imu, rate_hz: 20": ("type: imuu", r"sensors\.0: there is no 'imuu' .did you mean 'imu'\?"),
+    "rate_hz: 20}": ("rate_hz: -20}", r"sensors\.0\.rate_hz: should be greater than 0, is -20"),
+    "rate_hz: 5}": ("rate_hz: 5, sigma_m: 1}", r"sensors\.2\.sigma_m: unknown key .did you mean 'sigma'\?"),
+    "name: wheels": ("name: gnss", r"sensors\.2: a second sensor of the name 'gnss'"),
+    "type: open_field": ("type: open_feld", r"world\.place: there is no 'open_feld' .did you mean 'open_field'\?"),
+    "side: 60": ("side: sixty", r"place\.side: should be a valid number.*is 'sixty'"),
+    "type: differential": ("type: differental", r"vehicle: there is no 'differental' .did you mean 'differential'\?"),
+    "step_s: 0.02": ("step_s: 0.2", r"team\.rover\.vehicle: Differential: lag_s of 0\.1 s is shorter than a step"),
+    "lag_s: 0.1": ("lag: 0.1", r"vehicle\.drive\.lag: unknown key .did you mean 'lag_s'\?"),
+    "u: [[0.5, 0, 0.1]]": ("u: [[0.5, 0]]", r"mission: 2 numbers in a row of u .give v_x, v_y, w_z"),
+    "t_s: [0]": ("t_s: [0, 1]", r"mission: schedule: .*times for commands"),
+    "type: schedule, t_s: [0], u: [[0.5, 0, 0.1]]": ("type: tour", r"mission\.waypoints: is missing"),
+    "duration_s: 3": ("duration_s: 0", r"duration_s: should be greater than 0, is 0"),
+    "duration_s: 3\n": ("", r"duration_s: is missing .all keys here: name, about"),
+    "yaw_deg: 90": ("yaw_deg: north", r"start\.yaw_deg: should be a valid number.*is 'north'"),
+    "x: 1,": ("x: 1, yaw: 1,", r"start: both yaw and yaw_deg are given"),
+    "x: 1, ": ("x: .nan, ", r"start\.x: is no number"),
+    "rover:": ("ro ver:", r"team.*should match pattern"),
+    "seed: 3": ("seed: -3", r"seed: should be greater than or equal to 0, is -3"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("old", FAULTY)
+def test_a_fault_is_one_line_with_its_place(tmp_path: Path, old: str) -> None:
+    new, words = FAULTY[old]
+    path = tmp_path / "yard.yaml"
+    path.write_text(YARD.replace(old, new, 1))
+    with pytest.raises(ConfigError, match=words) as caught:
+        build(*load_scenario(str(path)))
+    text = str(caught.value)
+    assert text.startswith(f"{path}:") and "\n" not in text and caught.value.exit_code == ExitCode.USAGE
+
+
+IMPOSSIBLE = {
+    "fault of nothing": ("faults: [{type: faulty, sensor: gns, start_s: 1, end_s: 2}]", r"faults\.0: no sensor 'gns'"),
+    "reversed fault": ("faults: [{type: faulty, sensor: gnss, start_s: 2, end_s: 1}]", r"it must end after it starts"),
+    "spell of an imu": ("faults: [{type: spell, sensor: imu, start_s: 1, end_s: 2}]", r"something of a gnss_receiver"),
+    "blind tour": (
+        "sensors: []\n    mission: {type: tour, waypoints: [[1, 2]]}",
+        r"mission: cannot tell where it is .give it a gnss",
+    ),
+    "waypoint": ("mission: {type: tour, waypoints: [[1, 2, 3, 4]]}", r"mission: a waypoint of 4 numbers"),
+    "track and vehicle": (
+        "mission: {type: track, points: [[1, 2, 0], [3, 4, 0]]}",
+        r"mission: a track carries its robot",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", IMPOSSIBLE)
+def test_what_cannot_be_is_located(tmp_path: Path, case: str) -> None:
+    lines, words = IMPOSSIBLE[case]
+    text = YARD
+    for key in ("sensors", "mission"):
+        if f"{key}:" in lines:
+            start = text.index(f"    {key}:")
+            end = text.index("    mission:") if key == "sensors" else len(text)
+            text = text[:start] + text[end:]
+    path = tmp_path / "yard.yaml"
+    path.write_text(f"{text}    {lines}\n")
+    with pytest.raises(ConfigError, match=words) as caught:
+        build(*load_scenario(str(path)))
+    assert str(caught.value).startswith(f"{path}:") and "team.rover" in str(caught.value)
+
+
+def test_wheels_without_full_rank_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "yard.yaml"
+    wheels = "type: mecanum, wheels: [[0.4, 0, 0], [-0.4, 0, 0], [0.2, 0, 0]]"
+    path.write_text(YARD.replace("type: differential", wheels))
+    with pytest.raises(ConfigError, match=rf"{path}:\d+: team\.rover\.vehicle: .*cannot tell forward"):
+        build(*load_scenario(str(path)))
+
+
+def test_a_start_inside_a_wall_shows_in_a_rehearsal(tmp_path: Path) -> None:
+    path = tmp_path / "yard.yaml"
+    walls = "  walls: [{name: shed, outline: [[0, -1], [2, -1], [2, 1], [0, 1]]}]\nteam:"
+    path.write_text(YARD.replace("team:", walls))
+    with pytest.raises(ConfigError, match=r"yard\.yaml:\d+: team\.rover: starts 0\.50 m inside shed"):
+        rehearse(*load_scenario(str(path)))
+
+
+def test_angles_come_in_degrees_and_orientations_in_roll_pitch_yaw(tmp_path: Path) -> None:
+    path = tmp_path / "yard.yaml"
+    camera = "{type: robot_camera, half_angle_deg: 30, mount_rpy_deg: [0, -90, 0]}"
+    path.write_text(YARD.replace("{type: gnss, rate_hz: 5}", camera))
+    scenario, where = load_scenario(str(path))
+    robot = build(scenario, where).team[0]
+    looking = robot.sensors[2]
+    assert looking.half_angle == np.radians(30.0) and robot.start[3] == 0.5 * np.pi
+    np.testing.assert_allclose(looking.mount, [0.0, -np.sqrt(0.5), 0.0, np.sqrt(0.5)])
+    np.testing.assert_allclose(robot.mounts["camera"][:3, :3] @ [1.0, 0.0, 0.0], [0.0, 0.0, 1.0], atol=1e-12)
+
+
+def test_faults_stand_around_their_sensors(tmp_path: Path) -> None:
+    path = tmp_path / "yard.yaml"
+    faults = (
+        "    faults:\n      - {type: faulty, sensor: gnss, start_s: 1, end_s: 2, how: frozen}\n"
+        "      - {type: clocked, sensor: gnss, offset_s: 0.5}\n"
+    )
+    path.write_text(YARD + faults)
+    gnss = build(*load_scenario(str(path))).team[0].sensors[2]
+    assert isinstance(gnss, Clocked) and isinstance(gnss.sensor, Faulty) and gnss.sensor.how is Wrong.FROZEN
+
+
+def test_the_resolved_scenario_is_the_same_scenario(tmp_path: Path) -> None:
+    first, second = tmp_path / "yard.yaml", tmp_path / "resolved.yaml"
+    first.write_text(YARD)
+    scenario, _ = load_scenario(str(first))
+    second.write_text(scenario_text(scenario))
+    again, _ = load_scenario(str(second))
+    assert again == scenario and resolved(again) == resolved(scenario)
+
+
+def test_values_of_the_command_line_stand_over_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "yard.yaml"
+    path.write_text(YARD)
+    told = ("seed=9", "team.rover.sensors.gnss.rate_hz=2", "team.rover.sensors.0.rate_hz=10", "world.wind.mean=[1,2,3]")
+    scenario, _ = load_scenario(str(path), settings_of(told))
+    rover = scenario.team["rover"]
+    assert scenario.seed == 9 and scenario.world.wind.mean == (1.0, 2.0, 3.0)
+    assert (rover.sensors[2].rate_hz, rover.sensors[0].rate_hz) == (2.0, 10.0)
+
+
+@pytest.mark.parametrize(
+    ("told", "words"),
+    [
+        ("seed", r"--set seed: cannot be understood .write a\.b=value"),
+        ("seed=[", r"--set seed=\[: is not YAML"),
+        ("seed.x=1", r"--set seed\.x: 'seed' holds nothing"),
+        ("team.rover.sensors.gns.rate_hz=1", r"no item 'gns' .did you mean 'gnss'\?"),
+        ("team.rover.speed=1", r"team\.rover\.speed: unknown key"),
+        ("site=amr_lop", None),
+    ],
+)
+def test_values_that_fit_nowhere(tmp_path: Path, told: str, words: str | None) -> None:
+    path = tmp_path / "yard.yaml"
+    path.write_text(YARD)
+    name, words = ("patrol", r"--set site: should be 'amr_passage'") if words is None else (str(path), words)
+    with pytest.raises(ConfigError, match=words):
+        load_scenario(name, settings_of((told,)))
+
+
+def test_an_unknown_name_gets_a_remedy() -> None:
+    with pytest.raises(ConfigError, match=r"no scenario 'patrl' .did you mean 'patrol'\?"):
+        load_scenario("patrl")
+
+
+def test_the_schema_knows_every_type() -> None:
+    whole = schema()
+    world, robot = whole["$defs"]["WorldSection"]["properties"], whole["$defs"]["RobotSection"]["properties"]
+    assert set(world["place"]["discriminator"]["mapping"]) == set(PLACES)
+    assert set(robot["sensors"]["items"]["discriminator"]["mapping"]) == set(SENSORS)
+    assert set(robot["faults"]["items"]["discriminator"]["mapping"]) == set(FAULTS)
+    vehicle = next(one for one in robot["vehicle"]["anyOf"] if "discriminator" in one)
+    assert set(vehicle["discriminator"]["mapping"]) == set(VEHICLES)
+    assert "half_angle_deg" in whole["$defs"]["RobotCamera"]["properties"]
