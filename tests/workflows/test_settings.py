@@ -6,8 +6,8 @@ import pytest
 import yaml
 
 from outrider.errors import ConfigError, ExitCode
-from outrider.workflows.config import FuseConfig
 from outrider.io.config import merged
+from outrider.workflows.config import FuseConfig
 from outrider.workflows.settings import load_config, parse_config, schema
 
 FAULTS = {
