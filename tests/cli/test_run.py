@@ -59,10 +59,10 @@ def test_a_collision_ends_with_one(outrider: Outrider, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("yard.yaml", "--set", "team.rover.sensors.0.rate_hz=-1"), "should be greater than 0, is -1"),
+        (("yard.yaml", "--set", "team.rover.sensors.0.rate_hz=-1"), "should be more than 0, is -1"),
         (("yard.yaml", "--set", "world.place.type=nowhere"), "there is no 'nowhere'"),
         (("yard.yaml", "--set", "speed"), "write a.b=value"),
-        (("yard.yaml", "--duration", "-3"), "duration_s: should be greater than 0"),
+        (("yard.yaml", "--duration", "-3"), "--duration -3: is too small (give more than 0)"),
         (("yard.yaml", "--set", "world.walls=[{name: hut, outline: [[0, -1], [2, -1], [2, 1]]}]"), "inside hut"),
         (("absent.yaml",), "no such file"),
         (("patrl",), "did you mean 'patrol'?"),

@@ -2,6 +2,7 @@
 
 import pytest
 
+from outrider.errors import ConfigError
 from outrider.scenarios.build import build
 from outrider.scenarios.files import load_scenario
 from outrider.scenarios.registry import find_scenario, scenario, scenarios
@@ -42,7 +43,6 @@ def test_every_scenario_can_be_built_and_says_what_it_is() -> None:
 
 
 def test_a_name_is_given_once() -> None:
-    from outrider.errors import ConfigError
     from outrider.scenarios.ground import patrol
 
     with pytest.raises(ConfigError, match="two scenarios"):

@@ -15,24 +15,24 @@ from outrider.sim.sensors import Clocked, Faulty, Wrong
 
 FAULTY = {
     "type: imu, rate_hz: 20": ("type: imuu", r"sensors\.0: there is no 'imuu' .did you mean 'imu'\?"),
-    "rate_hz: 20}": ("rate_hz: -20}", r"sensors\.0\.rate_hz: should be greater than 0, is -20"),
+    "rate_hz: 20}": ("rate_hz: -20}", r"sensors\.0\.rate_hz: should be more than 0, is -20"),
     "rate_hz: 5}": ("rate_hz: 5, sigma_m: 1}", r"sensors\.2\.sigma_m: unknown key .did you mean 'sigma'\?"),
     "name: wheels": ("name: gnss", r"sensors\.2: a second sensor of the name 'gnss'"),
     "type: open_field": ("type: open_feld", r"world\.place: there is no 'open_feld' .did you mean 'open_field'\?"),
-    "side: 60": ("side: sixty", r"place\.side: should be a valid number.*is 'sixty'"),
+    "side: 60": ("side: sixty", r"place\.side: should be a number, is 'sixty'"),
     "type: differential": ("type: differental", r"vehicle: there is no 'differental' .did you mean 'differential'\?"),
     "step_s: 0.02": ("step_s: 0.2", r"team\.rover\.vehicle: Differential: lag_s of 0\.1 s is shorter than a step"),
     "lag_s: 0.1": ("lag: 0.1", r"vehicle\.drive\.lag: unknown key .did you mean 'lag_s'\?"),
     "u: [[0.5, 0, 0.1]]": ("u: [[0.5, 0]]", r"mission: 2 numbers in a row of u .give v_x, v_y, w_z"),
     "t_s: [0]": ("t_s: [0, 1]", r"mission: schedule: .*times for commands"),
     "type: schedule, t_s: [0], u: [[0.5, 0, 0.1]]": ("type: tour", r"mission\.waypoints: is missing"),
-    "duration_s: 3": ("duration_s: 0", r"duration_s: should be greater than 0, is 0"),
+    "duration_s: 3": ("duration_s: 0", r"duration_s: should be more than 0, is 0"),
     "duration_s: 3\n": ("", r"duration_s: is missing .all keys here: name, about"),
-    "yaw_deg: 90": ("yaw_deg: north", r"start\.yaw_deg: should be a valid number.*is 'north'"),
+    "yaw_deg: 90": ("yaw_deg: north", r"start\.yaw_deg: should be a number, is 'north'"),
     "x: 1,": ("x: 1, yaw: 1,", r"start: both yaw and yaw_deg are given"),
-    "x: 1, ": ("x: .nan, ", r"start\.x: is no number"),
+    "x: 1, ": ("x: .nan, ", r"start\.x: should be a number, is nan"),
     "rover:": ("ro ver:", r"team.*should match pattern"),
-    "seed: 3": ("seed: -3", r"seed: should be greater than or equal to 0, is -3"),
+    "seed: 3": ("seed: -3", r"seed: should be 0 or more, is -3"),
 }  # fmt: skip
 
 

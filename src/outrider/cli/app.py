@@ -63,7 +63,10 @@ Mapping = Annotated[
     ),
 ]
 OneRobot = Annotated[
-    str | None, typer.Option("--robot", metavar="NAME", help="Which one, if the recording is of several robots.")
+    str | None,
+    typer.Option(
+        "--robot", metavar="NAME", parser=parse.name("--robot"), help="Which one, if the recording is of several."
+    ),
 ]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, and only the outcome.")]
 Debug = Annotated[bool, typer.Option("--debug", help="Show where an error comes from.")]
@@ -286,9 +289,18 @@ def run_command(
         list[str] | None,
         typer.Option("--set", metavar="A.B=VALUE", help="Instead of what the scenario says; may be repeated."),
     ] = None,
-    seed: Annotated[int | None, typer.Option("--seed", metavar="N", help="Seed of everything random.")] = None,
+    seed: Annotated[
+        int | None,
+        typer.Option("--seed", metavar="N", parser=parse.whole("--seed"), help="Seed of everything random."),
+    ] = None,
     duration: Annotated[
-        float | None, typer.Option("--duration", metavar="S", help="At most so many simulated seconds.")
+        float | None,
+        typer.Option(
+            "--duration",
+            metavar="S",
+            parser=parse.number("--duration", above=0.0),
+            help="At most so many simulated seconds.",
+        ),
     ] = None,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Only check it, and print the whole scenario with every default.")

@@ -47,6 +47,7 @@ def run(
     scenario, where = load_scenario(name, given)
     folder = output or Path(f"{scenario.name}-run")
     with Progress(quiet=quiet) as progress:
+        from outrider.io.files import as_text
         from outrider.scenarios.runs import ensure_free, rehearse, run_scenario
 
         if dry_run:
@@ -57,7 +58,8 @@ def run(
             sys.stdout.write(scenario_text(scenario))
             return ExitCode.OK
         ensure_free(folder, force=force)
-        command = shlex.join(["outrider", *sys.argv[1:]]) if sys.argv[0].endswith("outrider") else ""
+        typed = [as_text(a) for a in sys.argv]
+        command = shlex.join(["outrider", *typed[1:]]) if typed[0].endswith("outrider") else ""
         done, summary = run_scenario(
             scenario, folder, where=where, force=force, report=report, command=command, progress=progress
         )

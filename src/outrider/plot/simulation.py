@@ -1,7 +1,6 @@
 """The report of a simulation: one HTML file that needs nothing else, and moves."""
 
 import json
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -97,7 +96,7 @@ def _draw(ax: Axes, run: Simulation, t: Ints, values: Floats, colour: str) -> No
     ax.plot(seconds(t, run.monitor.start)[rows], values[rows], color=colour)
 
 
-def _cards(summary: Json) -> list[Mapping[str, str]]:
+def _cards(summary: Json) -> list[dict[str, str]]:
     """The key figures."""
     cards = [
         _card("simulated", tables.span(summary["duration_s"]), f"{summary['times_real_time']:,.0f} times real time"),

@@ -9,7 +9,7 @@ import numpy as np
 
 from outrider.data.agents import Agent, Planned
 from outrider.errors import ConfigError
-from outrider.io.faults import fault_at, remedy
+from outrider.io.checked import fault_at, remedy
 from outrider.models.vehicles import AIR_INPUTS, Vehicle
 from outrider.scenarios.navigation import Put, mount_matrix, navigator
 from outrider.scenarios.parts import (

@@ -8,8 +8,8 @@ from typing import Any, cast, get_type_hints
 from pydantic import TypeAdapter, ValidationError
 
 from outrider.errors import ConfigError
+from outrider.io.checked import remedy, validated
 from outrider.io.config import merged, parse_yaml, read_yaml, yaml_text
-from outrider.io.faults import config_error, remedy
 from outrider.scenarios.parts import Scenario
 from outrider.scenarios.registry import Registered, find_scenario
 
@@ -37,10 +37,7 @@ def parse_scenario(data: Mapping[str, object], where: str = "") -> Scenario:
 
     Raises `ConfigError` that names key, fault and remedy of the first fault, and how many more there are.
     """
-    try:
-        return Scenario.model_validate(data)
-    except ValidationError as e:
-        raise config_error(e, data, where, Scenario.model_json_schema()) from None
+    return validated(Scenario, data, where)
 
 
 def resolved(scenario: Scenario) -> dict[str, Any]:

@@ -6,8 +6,9 @@ from typing import Annotated, Any, Final, Literal, TypeAlias
 
 from pydantic import Field, create_model
 
+from outrider.io.checked import Flag, Whole
 from outrider.models.vehicles import Differential, Mecanum, Multirotor, Rotorcraft, Steered, Vehicle
-from outrider.scenarios.sections import Number, Part, Table, inner_section, section_of, tagged
+from outrider.scenarios.sections import STRICT, Number, Part, Table, inner_section, section_of, tagged
 from outrider.sim import places, sensors
 from outrider.sim.monitor import Hull
 from outrider.sim.radio import Radio
@@ -65,7 +66,7 @@ Point: TypeAlias = tuple[Number, Number, Number]
 def place_section(name: str, place: Callable[..., World]) -> Any:
     """The section of a function that makes a world: its arguments."""
     given: dict[str, Any] = {
-        p.name: (p.annotation, p.default if p.default is not Parameter.empty else ...)
+        p.name: (STRICT.get(p.annotation, p.annotation), p.default if p.default is not Parameter.empty else ...)
         for p in signature(place, eval_str=True).parameters.values()
         if p.name not in SET_BY_THE_FILE
     }
@@ -86,10 +87,10 @@ class MoverSection(Part):
     name: str
     points: Annotated[list[list[Number]], Field(min_length=1)]
     """East, north (and up) [m]."""
-    speed: Annotated[float, Field(gt=0)] = 1.3
-    start_s: float = 0.0
-    radius: Annotated[float, Field(gt=0)] = 0.3
-    height: Annotated[float, Field(gt=0)] = 1.75
+    speed: Annotated[Number, Field(gt=0)] = 1.3
+    start_s: Number = 0.0
+    radius: Annotated[Number, Field(gt=0)] = 0.3
+    height: Annotated[Number, Field(gt=0)] = 1.75
 
 
 class WorldSection(Part):
@@ -128,13 +129,13 @@ class TourMission(Part):
     type: Literal["tour"]
     waypoints: Annotated[list[list[Number]], Field(min_length=1)]
     """East, north (and up) [m]; the last one is the goal."""
-    speed: Annotated[float, Field(gt=0)] = 1.0
-    reach: Annotated[float, Field(gt=0)] = 0.5
+    speed: Annotated[Number, Field(gt=0)] = 1.0
+    reach: Annotated[Number, Field(gt=0)] = 0.5
     """How near counts as there [m]."""
-    turn: Annotated[float, Field(gt=0)] = 0.8
+    turn: Annotated[Number, Field(gt=0)] = 0.8
     """rad/s at most."""
     turn_deg: Number | None = None
-    period_s: Annotated[float, Field(gt=0)] = 0.1
+    period_s: Annotated[Number, Field(gt=0)] = 0.1
 
 
 class TrackMission(Part):
@@ -142,13 +143,13 @@ class TrackMission(Part):
 
     type: Literal["track"]
     points: Annotated[list[Point], Field(min_length=2)]
-    speed: Annotated[float, Field(gt=0)] = 1.0
-    wait_s: Annotated[float, Field(ge=0)] = 5.0
+    speed: Annotated[Number, Field(gt=0)] = 1.0
+    wait_s: Annotated[Number, Field(ge=0)] = 5.0
     """Stands so long before it moves."""
-    flies: bool = False
+    flies: Flag = False
     """Whether it leans into its accelerations, as a multirotor does."""
-    rate_hz: Annotated[float, Field(gt=0, le=2000)] = 100.0
-    spacing_s: Annotated[float, Field(gt=0)] = 1.0
+    rate_hz: Annotated[Number, Field(gt=0, le=2000)] = 100.0
+    spacing_s: Annotated[Number, Field(gt=0)] = 1.0
     """Corners are rounded over a few times this."""
 
 
@@ -186,8 +187,8 @@ class Scenario(Part):
 
     name: str = "scenario"
     about: str = ""
-    seed: Annotated[int, Field(ge=0)] = 1
-    duration_s: Annotated[float, Field(gt=0, le=100_000)]
+    seed: Annotated[Whole, Field(ge=0)] = 1
+    duration_s: Annotated[Number, Field(gt=0, le=100_000)]
     """At most; it ends earlier with the last mission, or with a collision."""
     world: WorldSection
     radio: inner_section(Radio) = Field(default={}, validate_default=True)  # type: ignore[valid-type]

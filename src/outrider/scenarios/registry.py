@@ -6,7 +6,7 @@ from importlib import import_module
 from typing import Any, Final, TypeAlias, TypeVar, final, get_type_hints
 
 from outrider.errors import ConfigError
-from outrider.io.faults import remedy
+from outrider.io.checked import remedy
 
 C = TypeVar("C")
 Description: TypeAlias = dict[str, Any]

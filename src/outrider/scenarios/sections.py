@@ -20,6 +20,8 @@ from pydantic import Field as Option
 
 from outrider.core.attitudes import rpy_to_quats
 from outrider.errors import ConfigError
+from outrider.io import checked
+from outrider.io.checked import Flag, Whole
 
 T = TypeVar("T")
 
@@ -40,13 +42,15 @@ ANGLES: Final[Mapping[str, tuple[str, ...]]] = {
 COUNTS: Final = ("beams", "wheels", "satellites")
 
 
-def _number(value: float) -> float:
+def _known(value: float) -> float:
     if isnan(value):
-        raise ValueError("is no number")
+        raise ValueError("should be a number, is nan")
     return value
 
 
-Number: TypeAlias = Annotated[float, AfterValidator(_number)]
+Number: TypeAlias = Annotated[checked.Number, AfterValidator(_known)]
+"""Infinity is one: a reach without end."""
+STRICT: Final[Mapping[Any, Any]] = {float: Number, int: Whole, bool: Flag}
 Table: TypeAlias = list[Number] | list[list[Number]]
 
 
@@ -148,12 +152,12 @@ def _translated(hint: Any, name: str) -> Any:
         return inner_section(cast("type[Any]", hint))
     if isinstance(hint, type) and issubclass(hint, Enum):
         return Literal[tuple(e.name.lower() for e in hint)]  # type: ignore[misc]
-    return _bounded(Number if hint is float else hint, name)
+    return _bounded(STRICT.get(hint, hint), name)
 
 
 def _bounded(kind: Any, name: str) -> Any:
     """Rates, reaches and counts are positive, deviations, delays and shares are not negative."""
-    if name.endswith("_hz") or name in ("max_range", "reach", "period_s") or (kind is int and name in COUNTS):
+    if name.endswith("_hz") or name in ("max_range", "reach", "period_s") or (kind is Whole and name in COUNTS):
         return Annotated[kind, Gt(0)]
     if name.startswith("sigma") or name.endswith("_density") or name in ("latency_s", "jitter_s", "drop", "loss"):
         return Annotated[kind, Ge(0)]
