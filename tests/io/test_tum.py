@@ -125,3 +125,31 @@ def test_a_run_lists_every_state_with_its_deviation() -> None:
         columns
     )
     assert "attitude_x" not in columns
+
+
+LINE = "{} 1.0 2.0 3.0 0.0 0.0 0.0998 0.995"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("hello\n", "holds no TUM pose .a line is"),
+        ("1 2 3 4\n", "its lines have 4 numbers, not 8"),
+        ("#t [ns],p_x,p_y,p_z,q_w,q_x,q_y,q_z,v_x,v_y,v_z\n1,1,2,3,1,0,0,0,0,0,0\n", "its lines have 11 numbers"),
+        (LINE.format(1403636580838555648), "its stamps, such as 1403636580838555648, are no seconds"),
+        ("t,x,y,z,qw,qx,qy,qz\n1,1,2,3,1,0,0,0\n", "has the columns t x y z qw qx qy qz .a line is: seconds x y z qx"),
+        ("# t x y z w x y z\n1 1 2 3 1 0 0 0\n", "has the columns t x y z w x y z"),
+        ("1 0 0 0.1 0.99 100 200 3\n", "its quaternions have length 224, not 1"),
+        ("1 2 3 0 0 0 1 1500\n", "its quaternions have length 1.5e.03, not 1"),
+    ],
+)
+def test_other_columns_are_told(tmp_path: Path, text: str, words: str) -> None:
+    (tmp_path / "a.tum").write_text(text)
+    with pytest.raises(DataError, match=words):
+        read_tum(tmp_path / "a.tum")
+
+
+@pytest.mark.parametrize("sign", [" ", "\t", ",", ";", ", "])
+def test_any_delimiter(tmp_path: Path, sign: str) -> None:
+    (tmp_path / "a.tum").write_text("\ufeff# a comment\n" + sign.join(LINE.format("1.5").split()) + "\r\n", "utf-8")
+    assert read_tum(tmp_path / "a.tum").t.tolist() == [1_500_000_000]

@@ -77,6 +77,8 @@ def check_input(
         raise UsageError(what, where=f"{told}--end {end_s:g}", fix="both count from the log's first event, in seconds")
     name = detect(path)
     if mapping is None:
+        if name == "csv" and _columns(path).startswith("its columns are Timestamp, state[0]"):
+            raise DataError("is an estimate of EKF2, not its log", where=str(path), fix="`outrider compare` reads it")
         if name == "csv":
             raise DataError("a CSV needs a mapping that says what its columns are", where=str(path), fix=_columns(path))
         return name

@@ -176,6 +176,8 @@ def read_trajectory(path: Path, *, topic: str | None = None) -> Trajectory:
 
     topic : which stream of a log, if it has several (by default the first ESTIMATE, else the first POSE).
     """
+    from outrider.io.registry import REPLAY_ROW, read_log
+
     if path.suffix == ".parquet":
         return read_table(path)
     if not is_directory(path) and path.suffix.lower() in (".csv", ".txt", ".tum"):
@@ -187,8 +189,10 @@ def read_trajectory(path: Path, *, topic: str | None = None) -> Trajectory:
             from outrider.io.replay import read_change_indication
 
             return read_change_indication(path)
+        if REPLAY_ROW.match(first.encode()):
+            fix = "give what EKF2 made of them, change_indication/*.csv, or a run's folder"
+            raise DataError("holds measurements for EKF2 and no estimate", where=str(path), fix=fix)
         return read_tum(path)
-    from outrider.io.registry import read_log
 
     log = read_log(path, topics=None if topic is None else [topic])
     streams = log.of(Kind.ESTIMATE) or log.of(Kind.POSE, Kind.ODOMETRY_POSE)

@@ -1,5 +1,6 @@
 """TUM trajectories: `t x y z qx qy qz qw` a line, seconds and metres, as evo and many SLAM tools read them."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,8 @@ from outrider.data import Trajectory
 from outrider.errors import DataError
 from outrider.io.files import ensure_readable, replacing
 from outrider.io.stamps import seconds_text, to_nanoseconds
+
+A_LINE = "a line is: seconds x y z qx qy qz qw"
 
 
 def write_tum(trajectory: Trajectory, path: Path, *, force: bool = False) -> None:
@@ -24,25 +27,52 @@ def write_tum(trajectory: Trajectory, path: Path, *, force: bool = False) -> Non
 
 
 def read_tum(path: Path) -> Trajectory:
-    """Read poses, sorted by stamp; a damaged line or a repeated stamp is left out, a file without any pose refused."""
+    """Read poses, sorted by stamp; a damaged line or a repeated stamp is left out.
+
+    Raises `DataError` for a file without any pose, and where names or numbers tell of another order of the columns.
+    """
     texts: list[str] = []
     rows: list[list[float]] = []
-    with ensure_readable(path).open(encoding="utf-8", errors="replace") as f:
+    widths: set[int] = set()
+    with ensure_readable(path).open(encoding="utf-8-sig", errors="replace") as f:
         for line in f:
-            cells = line.replace(",", " ").split()
-            if len(cells) != 8 or line.startswith("#"):
+            cells = [c.strip('"') for c in re.split(r"[,;\s]+", line.strip(" \t\r\n#,;"))]
+            row = _numbers(cells)
+            if row is None:
+                _check_names(cells, path)
                 continue
-            try:
-                row = [float(c) for c in cells[1:]]
-            except ValueError:
-                continue
-            if np.isfinite(row).all() and any(row[3:]):
+            widths.add(len(cells))
+            if len(row) == 8 and not line.startswith("#") and np.isfinite(row[1:]).all() and any(row[4:]):
                 texts.append(cells[0])
-                rows.append(row)
+                rows.append(row[1:])
     t, good = to_nanoseconds(texts, "s")
     poses = np.array(rows, np.float64).reshape(-1, 7)[good]
     if not len(poses):
-        raise DataError("holds no TUM pose", where=str(path), fix="a line is: seconds x y z qx qy qz qw")
+        raise DataError(_why_none(widths, texts), where=str(path), fix=A_LINE)
     t, first = np.unique(t[good], return_index=True)
     q = poses[first, 3:]
-    return Trajectory(t=t, p=poses[first, :3], q=q / np.linalg.norm(q, axis=1, keepdims=True), name=path.stem)
+    length = np.linalg.norm(q, axis=1, keepdims=True)
+    if not 0.5 < (typical := float(np.median(length))) < 2.0:  # the last four are no quaternion
+        raise DataError(f"its quaternions have length {typical:.3g}, not 1", where=str(path), fix=A_LINE)
+    return Trajectory(t=t, p=poses[first, :3], q=q / length, name=path.stem)
+
+
+def _numbers(cells: list[str]) -> list[float] | None:
+    try:
+        return [float(c) for c in cells]
+    except ValueError:
+        return None
+
+
+def _check_names(cells: list[str], path: Path) -> None:
+    """Refuse a line of eight names of which the one of the scalar part is not the last."""
+    scalar = [i for i, c in enumerate(cells) if c.lower().replace("_", "") in ("qw", "w")]
+    if len(cells) == 8 and scalar and scalar != [7]:
+        raise DataError(f"has the columns {' '.join(cells)}", where=str(path), fix=A_LINE)
+
+
+def _why_none(widths: set[int], stamps: list[str]) -> str:
+    if stamps:
+        return f"holds no TUM pose: its stamps, such as {stamps[0]}, are no seconds"
+    others = ", ".join(str(w) for w in sorted(widths - {8})[:3])
+    return f"holds no TUM pose: its lines have {others} numbers, not 8" if others else "holds no TUM pose"
