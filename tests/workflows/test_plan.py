@@ -1,5 +1,6 @@
 """What each stream is used for, and what a configuration may not say. Nothing is fused here."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -276,3 +277,19 @@ def test_repeats_at_rest_or_at_constant_speed_are_no_fault():
     twist[:, 0], twist[:, 5] = 1.0, 0.3
     wheels, imu = wheels_and_gyro(twist, np.full(n, 0.3))
     assert not stuck(wheels, turn_rate(imu)).any()  # a roundabout
+
+
+@pytest.mark.parametrize(
+    ("config", "code", "words"),
+    [
+        ({"withhold": {"gnss": 1000}}, "withhold-all", "only the first of .* records of gnss"),
+        ({"outages_s": {"gnss": [(90.0, 95.0)]}}, "outage-empty", "between 90 and 95 s"),
+        ({"outages_s": {"gnss": [(0.0, 2.0), (-9.0, -1.0)]}}, "outage-empty", "between -9 and -1 s"),
+        ({"withhold": {"gnss": 2}, "outages_s": {"gnss": [(1.0, 2.0)]}}, "", ""),
+    ],
+)
+def test_what_is_withheld_in_vain_is_told(config: dict[str, object], code: str, words: str) -> None:
+    found = {f.code: f for f in plan(ROVER, told(**config)).findings}
+    assert {c for c in found if c in ("withhold-all", "outage-empty")} == ({code} if code else set())
+    if code:
+        assert re.search(words, found[code].text) and found[code].source == "gnss" and found[code].fix

@@ -17,7 +17,7 @@ from outrider.typing import Bools, Ints
 from outrider.workflows.assembly import assemble
 from outrider.workflows.clocks import note_stamps
 from outrider.workflows.config import FuseConfig
-from outrider.workflows.draft import Draft, Plan
+from outrider.workflows.draft import Draft, Plan, first_stamp
 from outrider.workflows.rules import RULES, unused
 
 WHEELED: Final = frozenset({Kind.TWIST, Kind.WHEELS, Kind.ACKERMANN})
@@ -103,10 +103,27 @@ def check_draft(d: Draft) -> None:
     if away > FAR:
         text = f"the first fix lies {away / 1000:.0f} km from the datum: a flat site frame bends there"
         d.note("warning", "datum-far", text, fix="give a `datum` within the site, or none")
+    check_withheld(d)
     frames = {s.frame for s in d.log}
     for frame in sorted(set(d.cfg.mounts) - frames):
         known = ", ".join(sorted(frames - {""})) or "none"
         d.note("warning", "mount-unused", f"no source has the frame '{frame}'", fix=f"the frames are {known}")
+
+
+def check_withheld(d: Draft) -> None:
+    """Say where nothing, or all but one record, is withheld: a slip of the unit or of the source."""
+    for name, n in d.cfg.withhold.items():
+        count = len(d.log.streams[name])
+        if n >= count > 1:
+            text = f"only the first of {count} records of {name} is fused: every {n}th was asked for"
+            d.note("warning", "withhold-all", text, name, fix="withhold fewer")
+    for name, windows in d.cfg.outages_s.items():
+        s = (d.passed(name).t - first_stamp(d)) * 1e-9
+        for begin, end in windows:
+            if not ((s >= begin) & (s < end)).any():
+                text = f"no record of {name} between {begin:g} and {end:g} s, nothing was withheld there"
+                span = f"its records are from {s.min():.1f} to {s.max():.1f} s" if s.size else "it has no usable record"
+                d.note("warning", "outage-empty", text, name, fix=span)
 
 
 def refuse_stuck_wheels(log: EventLog, verdicts: Mapping[str, Ints]) -> None:

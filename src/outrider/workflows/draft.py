@@ -134,6 +134,16 @@ class Draft:
         self.findings.append(Finding(severity=severity, code=code, text=text, source=source, fix=fix))
 
 
+def first_stamp(of: Plan | Draft) -> int:
+    """Stamp of the first usable record of any stream [ns]."""
+    firsts = [
+        int(s.t[good].min())
+        for s in of.log
+        if (good := of.verdicts[s.name] == Verdict.USED).any()  # a stamp of zero is none
+    ]
+    return min(firsts)
+
+
 def given_sigma(section: SourceSection, name: str, rows: int) -> Floats | None:
     """(rows,) standard deviations from the configuration, None if it gives none."""
     if section.sigma is None:
@@ -154,4 +164,4 @@ def mount_of(section: MountSection) -> Mount:
     return Mount.from_rpy(section.xyz_m, float(roll), float(pitch), float(yaw))
 
 
-__all__ = ["Draft", "Plan", "given_sigma", "mount_of"]
+__all__ = ["Draft", "Plan", "first_stamp", "given_sigma", "mount_of"]

@@ -36,6 +36,7 @@ from outrider.typing import Floats
 from outrider.workflows.collect import Collector, accounts
 from outrider.workflows.config import FuseConfig
 from outrider.workflows.discover import Plan, plan
+from outrider.workflows.draft import first_stamp
 from outrider.workflows.findings import judge
 
 Progress = Callable[[str, float], None]
@@ -104,16 +105,6 @@ def estimate(log: EventLog, cfg: FuseConfig, progress: Progress | None) -> Run:
     )
     findings = (*judge(run, chosen, aligned), *log_notes(log))
     return replace(run, findings=findings, outcome=outcome(run, findings, aligned, chosen))
-
-
-def first_stamp(chosen: Plan) -> int:
-    """Stamp of the first usable record of any stream [ns]."""
-    firsts = [
-        int(s.t[good].min())
-        for s in chosen.log
-        if (good := chosen.verdicts[s.name] == Verdict.USED).any()  # a stamp of zero is none
-    ]
-    return min(firsts)
 
 
 def channel_records(chosen: Plan, f: Filter, cfg: FuseConfig, start: int) -> list[Records]:
