@@ -96,6 +96,7 @@ def test_a_source_that_was_never_used_fails_the_check(outrider: Any, small_log: 
 def test_compare(outrider: Any, recording: Path, tmp_path: Path) -> None:
     outrider("fuse", recording, "-o", "run", "--no-report")
     same = outrider("compare", "run", "run/fused.tum", "--max-rmse", 0.01)
+    assert same.err == "" and "run: compared with itself" in outrider("compare", "run", "run", "--json").err
     assert same.code == 0 and "horizontal [m]" in same.out and "in space" not in same.out
     lines = (tmp_path / "run" / "fused.tum").read_text().splitlines()
     moved = [f"{c[0]} {float(c[1]) + 2} {' '.join(c[2:])}" for c in (line.split() for line in lines[1:])]
