@@ -67,6 +67,8 @@ from outrider.cli import main
 from outrider.io.runs import run_folder
 import outrider.workflows.fuse_file as job
 
+signal.signal(signal.SIGHUP, signal.SIG_DFL)  # whatever started these tests may ignore it, which is respected
+
 def stop(source, output, *_, **__):
     with run_folder(output) as part:
         (part / "half").write_text("half")
