@@ -4,6 +4,7 @@ Tests that fuse more than once are for the compiled pass: as plain Python a seco
 """
 
 import json
+import os
 import subprocess
 import sys
 from dataclasses import replace
@@ -143,6 +144,20 @@ print("HEAVY", sorted(heavy), "CPU", time.process_time(), "CODE", code)
     assert done.stdout.count("--version") >= 2 and "compare" in done.stdout
     cpu = float(done.stdout.split("CPU ")[1].split()[0])
     assert cpu < 1.0  # three helps; 0.3 s each would be the promise, machines under load vary
+
+
+@pytest.mark.parametrize(
+    ("typed", "words"),
+    [("outrider ", {"fuse", "compare", "demo"}), ("outrider fuse --wi", {"--withhold"}), ("outrider fuse x.ba", set())],
+)
+def test_completion(typed: str, words: set[str]) -> None:
+    """Commands and options; file names are left to the shell."""
+    told = {"_OUTRIDER_COMPLETE": "complete_bash", "COMP_WORDS": typed, "COMP_CWORD": str(typed.count(" "))}
+    done = subprocess.run(
+        [sys.executable, "-m", "outrider"], env=os.environ | told, capture_output=True, text=True, timeout=60
+    )
+    offered = set(done.stdout.split())
+    assert done.stderr == "" and words <= offered and (bool(words) or not offered)
 
 
 def test_python_m(tmp_path: Path) -> None:

@@ -6,13 +6,16 @@ from pathlib import Path
 import pytest
 
 from outrider.errors import ConfigError, ExitCode
-from outrider.io.config import LARGEST, line_of, read_yaml
+from outrider.io.config import LARGEST, line_of, read_yaml, yaml_text
 
 FAULTS = {
     "a: 1\nb: 2\na: 3\n": (3, "'a' is there twice .first on line 1."),
     "a:\n  - x: 1\n    x: 2\n": (3, "'x' is there twice"),
     "a: 1\nb: [1, 2\n": (3, "is not YAML"),
-    "a: 1\n\tb: 2\n": (2, "is not YAML"),
+    "a: 1\n\tb: 2\n": (2, "is not YAML: a tab where spaces have to be .indent with spaces"),
+    "a: b: c\n": (1, "a colon where none can be .quote"),
+    "a:\n  b: 1\n c: 2\n": (3, "the indentation does not fit"),
+    "a: {b: 1\nc\n": (3, "a mapping that is not closed"),
     "- 1\n- 2\n": (1, "no mapping"),
     "just words": (1, "no mapping"),
     "a: !!python/object:os.system {}": (1, "is not YAML"),
@@ -58,6 +61,15 @@ def test_values_are_what_they_look_like(tmp_path: Path, text: str) -> None:
     path.write_text(f"a: {text}\n")
     value = read_yaml(path)["a"]
     assert value == VALUES[text] and type(value) is type(VALUES[text])
+
+
+@pytest.mark.parametrize("text", [*VALUES, "no", "1:30", "0o7", "<<", "a: b", "#", "\u2028"])
+def test_what_is_written_is_read_as_the_same(tmp_path: Path, text: str) -> None:
+    """Also texts that one of the two schemas of YAML would take for something else."""
+    path = tmp_path / "c.yaml"
+    data = {"value": text.strip("'\""), text: [1.5, 1e16, 1e-9, 10, True, None, math.inf, text]}
+    path.write_text(yaml_text(data), encoding="utf-8")
+    assert read_yaml(path) == data
 
 
 def test_what_is_no_text_is_refused_before_it_is_read(tmp_path: Path) -> None:

@@ -94,7 +94,7 @@ def test_a_commented_header_and_a_file_without_one(tmp_path: Path) -> None:
             "m.yaml:.*streams.compass.farme: unknown key .did you mean 'frame'",
         ),
         (HEADING.replace("{column: t}", "{unit: s}"), "time.column: is missing"),
-        (HEADING.replace("frame: ned", "sigma: [1, 2]"), "needs 1 or 1 standard deviations, got 2"),
+        (HEADING.replace("frame: ned", "sigma: [1, 2]"), "needs 1 standard deviation, got 2"),
         ("{", "not YAML"),
         ("3", "no mapping of keys to values"),
     ],

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, cast
 from outrider.errors import ConfigError
 
 if TYPE_CHECKING:
-    from yaml import Node, SafeLoader
+    from yaml import Node, SafeDumper, SafeLoader
 
 CORE = {  # tag -> what is one, and the letters that it begins with
     "null": (r"~|null|Null|NULL|", ["~", "n", "N", ""]),
@@ -23,6 +23,14 @@ CORE = {  # tag -> what is one, and the letters that it begins with
               list("-+.0123456789")),
     "merge": (r"<<", ["<"]),
 }  # fmt: skip
+PROBLEMS = {  # how the parser's words begin -> ours, and a remedy
+    "mapping values are not allowed": ("a colon where none can be", "quote what has a colon, or mend the indentation"),
+    "found character '\\t'": ("a tab where spaces have to be", "indent with spaces"),
+    "expected <block end>": ("the indentation does not fit what is above", "begin keys of one level in one column"),
+    "could not find expected ':'": ("a key without a colon", "write `key: value`"),
+    "expected ',' or ']'": ("a list that is not closed", "write [1, 2, 3]"),
+    "expected ',' or '}'": ("a mapping that is not closed", "write {key: value}"),
+}
 LARGEST = 1 << 20  # bytes: what is longer was not written by hand, and is probably the log
 
 
@@ -43,7 +51,9 @@ def read_yaml(path: Path) -> dict[str, Any]:
         data = loader.construct_document(node)
     except yaml.MarkedYAMLError as e:
         line = e.problem_mark.line + 1 if e.problem_mark else 0
-        raise ConfigError(f"is not YAML: {e.problem or e.context}", where=at_line(path, line)) from None
+        problem = str(e.problem or e.context)
+        what, fix = next((v for k, v in PROBLEMS.items() if problem.startswith(k)), (problem, ""))
+        raise ConfigError(f"is not YAML: {what}", where=at_line(path, line), fix=fix) from None
     except (yaml.YAMLError, ValueError) as e:  # a control character; a number of thousands of digits
         raise ConfigError(f"is not YAML: {str(e).splitlines()[0]}", where=str(path)) from None
     except RecursionError:
@@ -77,7 +87,8 @@ def yaml_text(data: Mapping[str, object]) -> str:
     """A mapping as YAML that reads back as the same, to the last bit; lists of numbers stand on one line."""
     import yaml
 
-    return yaml.safe_dump(dict(data), sort_keys=False, allow_unicode=True, width=120, default_flow_style=None)
+    how: dict[str, Any] = {"sort_keys": False, "allow_unicode": True, "width": 120, "default_flow_style": None}
+    return yaml.dump(dict(data), Dumper=_core_dumper(), **how)
 
 
 def line_of(path: Path, keys: Sequence[str | int]) -> int:
@@ -112,6 +123,19 @@ def _core_loader() -> "type[SafeLoader]":
     for tag, (pattern, first) in CORE.items():
         Core.add_implicit_resolver(f"tag:yaml.org,2002:{tag}", re.compile(rf"^(?:{pattern})$"), first)
     Core.add_constructor("tag:yaml.org,2002:int", lambda _, node: int(node.value))
+    return Core
+
+
+@cache
+def _core_dumper() -> "type[SafeDumper]":
+    """Quotes what either of the two schemas would take for anything but text."""
+    import yaml
+
+    class Core(yaml.SafeDumper):
+        pass
+
+    for tag, (pattern, first) in CORE.items():
+        Core.add_implicit_resolver(f"tag:yaml.org,2002:{tag}", re.compile(rf"^(?:{pattern})$"), first)
     return Core
 
 

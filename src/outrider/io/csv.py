@@ -255,6 +255,7 @@ def _variances(s: StreamColumns, rows: Rows, keep: Ints, kind: Kind, width: int)
     width = {Kind.ATTITUDE: 3, Kind.POSE: 6, Kind.ODOMETRY_POSE: 6, Kind.RELATIVE_POSE: 6}.get(kind, width)
     wanted = s.sigma if isinstance(s.sigma, list) else [s.sigma] * width
     if len(wanted) != width:
-        raise ConfigError(f"sigma: {s.kind} needs 1 or {width} standard deviations, got {len(wanted)}")
+        needed = f"1 or {width} standard deviations" if width > 1 else "1 standard deviation"
+        raise ConfigError(f"sigma: {s.kind} needs {needed}, got {len(wanted)}")
     columns = [rows.numbers[c][keep] if isinstance(c, str) else np.full(keep.size, float(c)) for c in wanted]
     return np.column_stack(columns) ** 2

@@ -63,7 +63,9 @@ def ensure_readable(path: Path) -> Path:
         with path.open("rb") as f:
             empty = not f.read(1)
     except OSError as e:
-        raise DataError(f"cannot be read: {(e.strerror or str(e)).lower()}", where=str(path)) from None
+        raise DataError(
+            f"cannot be read: {(e.strerror or str(e)).lower()}", where=str(path), fix=_neighbour(path)
+        ) from None
     if empty:
         raise DataError("the file is empty", where=str(path), fix="was the recording stopped before it was written?")
     return path
@@ -112,6 +114,16 @@ def _umask() -> int:
 def as_text(name: Path | str) -> str:
     """A file name as text that can be written anywhere: bytes that are no UTF-8 are shown as \\xNN."""
     return os.fsencode(name).decode("utf-8", "backslashreplace")
+
+
+def _neighbour(path: Path) -> str:
+    """A remedy for a file that is not there: one of nearly the same name."""
+    try:
+        names = [] if path.exists() else [p.name for p in path.parent.iterdir()]
+    except OSError:
+        return ""
+    near = get_close_matches(path.name, names, n=1, cutoff=0.8)
+    return f"did you mean '{path.with_name(near[0])}'?" if near else ""
 
 
 def closest(name: str, names: Iterable[str]) -> str:

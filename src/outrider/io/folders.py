@@ -55,7 +55,7 @@ def read_marker(folder: Path, name: str, schema: str) -> dict[str, Any]:
         raise DataError("is damaged", where=str(path), fix="make it again") from None
     found = str(cast("dict[str, Any]", document).get("schema", "")) if isinstance(document, dict) else ""
     if found != schema:
-        raise DataError(f"has the schema '{found}', this version reads {schema}", where=str(path))
+        raise DataError(f"has the schema '{found}', this version reads {schema}", where=str(path), fix="make it again")
     return cast("dict[str, Any]", document)
 
 

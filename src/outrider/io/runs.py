@@ -15,6 +15,7 @@ from typing import Any
 
 from outrider.data import Run, Trajectory
 from outrider.io import folders
+from outrider.io.config import yaml_text
 from outrider.io.innovations import write_innovations
 from outrider.io.mcap import write_mcap
 from outrider.io.trajectories import read_table, write_geojson, write_table
@@ -68,9 +69,7 @@ def is_run_folder(path: Path) -> bool:
 
 
 def _write_config(config: Mapping[str, object], path: Path) -> None:
-    import yaml
-
-    text = yaml.safe_dump(folders.plain(config), sort_keys=False, allow_unicode=True, width=120)
+    text = yaml_text(folders.plain(config))
     path.write_text(
         f"# What this run was made with. To use it again: outrider fuse LOG -c {path.name}\n{text}", "utf-8"
     )

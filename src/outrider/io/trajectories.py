@@ -106,7 +106,8 @@ def read_table(path: Path) -> Trajectory:
     try:
         return _trajectory(columns, path.stem)
     except (ValueError, OverflowError) as e:
-        raise DataError(f"holds a cell that is no number: {e}", where=str(path)) from None
+        cell = str(e).rpartition(": ")[2]
+        raise DataError(f"holds {cell}, which is no number", where=str(path), fix="write the table again") from None
 
 
 def _trajectory(columns: Columns, name: str) -> Trajectory:
@@ -144,9 +145,10 @@ def _parquet(path: Path) -> Columns:
     from pyarrow import parquet
 
     try:
-        table = parquet.read_table(ensure_readable(path))
-    except (pa.ArrowException, OSError) as e:
-        raise DataError(f"not readable Parquet: {str(e).splitlines()[0]}", where=str(path)) from None
+        with ensure_readable(path).open("rb") as f:
+            table = parquet.read_table(f)
+    except (pa.ArrowException, OSError):
+        raise DataError("is no Parquet file, or a damaged one", where=str(path), fix="write it again") from None
     return {name: table.column(name).to_pylist() for name in table.column_names}
 
 
