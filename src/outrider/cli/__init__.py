@@ -19,11 +19,9 @@ STOPPED = {
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return its exit code. A failure is one line on stderr; `--debug` shows where it came from."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
-    from outrider.cli.app import app
-
     try:
         with stoppable(), watched_stdout():
-            code = int(app(arguments or ["--help"], prog_name="outrider", standalone_mode=False) or 0)
+            code = _run(arguments or ["--help"])
     except OutriderError as e:
         return _fail(str(e), e.exit_code, arguments)
     except Unwritten as e:
@@ -47,6 +45,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if code in STOPPED:  # the parser answers Ctrl-C with the code
         return _fail(f"{STOPPED[ExitCode(code)]}, nothing was written", ExitCode(code), ())
     return code
+
+
+def _run(arguments: list[str]) -> int:
+    from typer.main import get_command
+
+    from outrider.cli.app import app
+
+    command, name = get_command(app), "outrider"
+    if arguments[1:] == ["--help"] and (one := getattr(command, "commands", {}).get(arguments[0])) is not None:
+        # asked directly, the parser need not load what checks values: half of the time
+        command, name, arguments = one, f"{name} {arguments[0]}", arguments[1:]
+    return int(command(arguments, prog_name=name, standalone_mode=False) or 0)
 
 
 def _fail(text: str, code: ExitCode, arguments: Sequence[str]) -> int:
