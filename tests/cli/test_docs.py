@@ -6,6 +6,9 @@ from pathlib import Path
 import pytest
 
 from outrider.errors import ExitCode
+from outrider.scenarios.build import build
+from outrider.scenarios.files import parse_scenario
+from outrider.scenarios.parts import FAULTS, PLACES, SENSORS, VEHICLES
 from outrider.workflows.settings import parse_config, schema
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -32,8 +35,17 @@ def test_configurations_in_the_documentation_are_valid() -> None:
     for page in PAGES:
         for block in re.findall(r"```yaml\n(.*?)```", page.read_text(), flags=re.S):
             data = yaml.safe_load(block)
-            if "streams" not in data:  # a mapping for a CSV
+            if "team" in data:
+                build(parse_scenario(data, str(page)))
+            elif "streams" not in data:  # a mapping for a CSV
                 parse_config(data, str(page))
+
+
+def test_every_type_of_a_scenario_is_listed_and_no_other() -> None:
+    text = (ROOT / "docs" / "how-to-simulate.md").read_text()
+    told = {name: re.findall(r"`(\w+)`", row) for name, row in re.findall(r"^\| (\w+) \| (`.*) \|$", text, flags=re.M)}
+    for name, registry in (("place", PLACES), ("vehicle", VEHICLES), ("sensor", SENSORS), ("fault", FAULTS)):
+        assert told[name] == list(registry), name
 
 
 def test_exit_codes() -> None:

@@ -177,6 +177,8 @@ def stream(
 
 def joined(parts: Sequence[Stream]) -> Stream:
     """The records of several pieces of one source as one stream, in the order of the pieces."""
+    if len(parts) == 1:
+        return parts[0]
     arrays = {n: np.concatenate([getattr(s, n) for s in parts]) for n in ("t", "z", "var", "t_arrival")}
     extra = {name: np.concatenate([s.extra[name] for s in parts]) for name in parts[0].extra}
     return replace(parts[0], **arrays, extra=extra, malformed=sum(s.malformed for s in parts))

@@ -79,10 +79,8 @@ class Actor:
         """Everything that was recorded up to `until` [ns], by name."""
         prefix = f"{self.robot.name}/" if prefixed else ""
         whole = {f"{prefix}{name}": joined(parts) for name, parts in self._kept.items()}
-        return {
-            name: replace(s.select(s.t <= until), name=name, frame=f"{prefix}{s.frame}" if s.frame else "")
-            for name, s in whole.items()
-        }
+        kept = {name: s if (s.t <= until).all() else s.select(s.t <= until) for name, s in whole.items()}
+        return {name: replace(s, name=name, frame=f"{prefix}{s.frame}" if s.frame else "") for name, s in kept.items()}
 
     def _checked(self, command: Floats) -> Floats:
         inputs = self.robot.vehicle.inputs if self.robot.vehicle else ()

@@ -24,7 +24,7 @@ from outrider.sim.truth import EPOCH, Truth
 from outrider.sim.world import World
 from outrider.typing import Floats
 
-LONGEST = 60_000_000_000  # ns, of one piece
+LONGEST = 300_000_000_000  # ns, of one piece
 
 
 class Ending(Enum):

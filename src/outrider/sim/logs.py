@@ -134,7 +134,8 @@ def signed(log: EventLog) -> EventLog:
     for name in sorted(log.streams):
         s = log.streams[name]
         for array in (s.t, s.t_arrival, s.z, s.var):
-            digest.update(name.encode() + array.tobytes())
+            digest.update(name.encode())
+            digest.update(np.ascontiguousarray(array).data)
     return replace(log, sha256=digest.hexdigest())
 
 

@@ -163,4 +163,6 @@ def _moments(truth: Truth) -> Ints:
 
 def _positions(truth: Truth, t: Ints) -> Floats:
     """(n, 3) positions at stamps within the truth, linear between rows."""
+    if (rows := truth.rows_at(t)) is not None:
+        return truth.p[rows]
     return np.column_stack([np.interp(t - truth.t[0], truth.t - truth.t[0], truth.p[:, i]) for i in range(3)])

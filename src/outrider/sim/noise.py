@@ -22,6 +22,8 @@ def white(rng: Generator, n: int, columns: int, sigma: float | tuple[float, ...]
 
 def random_walk(rng: Generator, n: int, columns: int, dt: float, density: float, start: float = 0.0) -> Floats:
     """(n, columns) x' = white noise of the given density [unit/s/sqrt(Hz)]; x_0 ~ N(0, start^2)."""
+    if density == 0.0 and start == 0.0:
+        return np.zeros((n, columns))
     steps = rng.standard_normal((n, columns)) * density * np.sqrt(dt)
     steps[:1] = rng.standard_normal((1, columns)) * start
     return np.cumsum(steps, axis=0)
@@ -31,6 +33,8 @@ def gauss_markov(
     rng: Generator, n: int, columns: int, dt: float, sigma: float | tuple[float, ...], tau_s: float
 ) -> Floats:
     """(n, columns) x' = -x / tau + noise, in its steady state: deviation sigma, autocorrelation exp(-lag / tau)."""
+    if not np.any(sigma):
+        return np.zeros((n, columns))
     x = rng.standard_normal((n, columns)) * np.asarray(sigma)
     keep = float(np.exp(-dt / tau_s))
     x[1:] *= np.sqrt(1.0 - keep * keep)

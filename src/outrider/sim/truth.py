@@ -98,6 +98,8 @@ class Truth:
         """The truth at other stamps [ns] within its span: cubic in position, SLERP in attitude, linear in the rest."""
         if t.size and (t.min() < self.t[0] or t.max() > self.t[-1]):
             raise ConfigError("truth is not extrapolated", where=self.robot, fix="ask for stamps within its span")
+        if (rows := self.rows_at(t)) is not None:
+            return self.select(rows)
         i = np.clip(np.searchsorted(self.t, t, side="right") - 1, 0, self.t.size - 2)
         u = ((t - self.t[i]) / (self.t[i + 1] - self.t[i]))[:, None]
 
@@ -109,8 +111,18 @@ class Truth:
         p = self.p[i] + u * (a + u * (3 * h - 2 * a - b + u * (a + b - 2 * h)))  # cubic Hermite
         bias = Biases(**{f.name: line(getattr(self.bias, f.name)) for f in fields(Biases)})
         q = slerp(t, self.t, self.q)
-        rows = {name: line(getattr(self, name)) for name in ("v", "w", "f", "actuators")}
-        return replace(self, t=t, p=p, q=q, bias=bias, **rows)
+        others = {name: line(getattr(self, name)) for name in ("v", "w", "f", "actuators")}
+        return replace(self, t=t, p=p, q=q, bias=bias, **others)
+
+    def rows_at(self, t: Ints) -> Ints | slice | None:
+        """The rows with just these stamps, as a slice if they are evenly spaced; None if some lie between rows."""
+        spacing = max(int(self.t[1] - self.t[0]), 1) if len(self) > 1 else 1
+        i = np.minimum((t - self.t[0]) // spacing, len(self) - 1)
+        if not np.array_equal(self.t[i], t):
+            return None
+        step = int(i[1] - i[0]) if i.size > 1 else 1
+        even = i.size and step > 0 and bool((np.diff(i) == step).all())
+        return slice(int(i[0]), int(i[-1]) + 1, step) if even else i
 
 
 @final
@@ -159,17 +171,24 @@ class Drift:
 def drift(truth: Truth, rng: Generator, how: Drift = Drift()) -> Truth:
     """The same motion with slow sensor errors drawn anew."""
     n, dt = len(truth), truth.dt
-    travelled = np.linalg.norm(np.nan_to_num(truth.v), axis=1) * dt  # a motion still to come counts as none
     gyro, accel, gnss, baro, wheels = rng.spawn(5)  # so that changing one leaves the others alone
     bias = Biases(
         gyro=random_walk(gyro, n, 3, dt, how.gyro_walk, how.gyro_start),
         accel=random_walk(accel, n, 3, dt, how.accel_walk, how.accel_start),
         gnss=gauss_markov(gnss, n, 3, dt, (how.gnss_sigma, how.gnss_sigma, how.gnss_sigma_up), how.gnss_tau_s),
         baro=random_walk(baro, n, 1, dt, how.baro_walk, how.baro_start)[:, 0],
-        wheels=wheels.standard_normal() * how.wheels_start
-        + np.cumsum(wheels.standard_normal(n) * how.wheels_walk * np.sqrt(travelled)),
+        wheels=_wheel_scale(wheels, truth, how),
     )
     return replace(truth, bias=bias)
+
+
+def _wheel_scale(rng: Generator, truth: Truth, how: Drift) -> Floats:
+    """(n,) a constant, and a walk over the way travelled; a motion still to come counts as none."""
+    constant = rng.standard_normal() * how.wheels_start
+    if how.wheels_walk == 0.0:
+        return np.full(len(truth), constant)
+    travelled = np.linalg.norm(np.nan_to_num(truth.v), axis=1) * truth.dt
+    return constant + np.cumsum(rng.standard_normal(len(truth)) * how.wheels_walk * np.sqrt(travelled))
 
 
 def rotate(q: Floats, v: Floats) -> Floats:

@@ -8,11 +8,11 @@ from typing import final
 import numpy as np
 from numpy.random import Generator
 
-from outrider.core.rotations import quats_conjugate, quats_exp, quats_multiply
+from outrider.core.rotations import quats_exp, quats_multiply, quats_to_matrices
 from outrider.data import Kind, Stream
 from outrider.sim.noise import gauss_markov, white
 from outrider.sim.sensors.base import STRAIGHT, Device, Quaternion, Setting, Vector, record, stamps
-from outrider.sim.truth import Truth, rotate
+from outrider.sim.truth import Truth
 from outrider.typing import Floats
 
 GM_PEAK = 0.618  # of the Allan deviation of a Gauss-Markov process, per unit of its standard deviation
@@ -50,11 +50,11 @@ class Imu:
         matrices, instability = self._slow(setting, rng.spawn(1)[0])
         sigma = np.repeat([self.gyro_density, self.accel_density], 3) * np.sqrt(self.rate_hz)
         limit = np.repeat([self.gyro_range, self.accel_range], 3)
+        R = quats_to_matrices(np.array(self.mount))  # R_body_sensor
 
         def sense(own: Truth, others: Mapping[str, Truth]) -> Stream:
             here = self._felt(own).at(stamps(own, self.rate_hz))
-            q = quats_conjugate(np.tile(self.mount, (len(here), 1)))
-            z = np.hstack([rotate(q, here.w + here.bias.gyro), rotate(q, here.f + here.bias.accel)])
+            z = np.hstack([(here.w + here.bias.gyro) @ R, (here.f + here.bias.accel) @ R])
             if matrices is not None:
                 z = z @ matrices.T
             if instability is not None:
@@ -63,7 +63,9 @@ class Imu:
             if self.vibration:
                 phase = 2 * np.pi * self.vibration_hz * setting.seconds(here.t)
                 z[:, 3:] += self.vibration * np.sin(phase[:, None] + np.array([0.0, 2.1, 4.2]))
-            return record(self, Kind.IMU, here, np.clip(z, -limit, limit), sigma**2, frame=self.name)
+            if np.isfinite(limit).any():
+                np.clip(z, -limit, limit, out=z)
+            return record(self, Kind.IMU, here, z, sigma**2, frame=self.name)
 
         return sense
 
