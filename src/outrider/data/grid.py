@@ -1,7 +1,7 @@
-"""An occupancy grid over a part of the site."""
+"""Square cells over a part of the site: what a map says of each, and what it costs to drive there."""
 
 from dataclasses import dataclass
-from typing import final
+from typing import Final, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,8 +9,28 @@ from numpy.typing import NDArray
 from outrider.errors import DataError
 from outrider.typing import Bools, Floats, Ints
 
-OCCUPIED = 65  # percent and more: the usual `occupied_thresh` of map_server
-UNKNOWN = 255
+OCCUPIED: Final = 65  # percent and more: the usual `occupied_thresh` of map_server
+UNKNOWN: Final = 255
+
+FREE: Final = 0
+INSCRIBED: Final = 253  # a robot's centre here surely collides, whichever way it faces
+LETHAL: Final = 254  # the cell itself is taken
+
+
+def _require_cells(cells: NDArray[np.uint8], resolution: float, origin: Floats, where: str) -> None:
+    if cells.ndim != 2 or cells.dtype != np.uint8 or not cells.size:
+        raise DataError(f"cells must be a matrix of uint8, not {cells.dtype} {cells.shape}", where=where)
+    if not (0.0 < resolution < np.inf) or origin.shape != (2,) or not np.isfinite(origin).all():
+        at = f"resolution {resolution:g} m and origin {origin.tolist()}"
+        raise DataError(f"no {where} has {at}", where=where, fix="a positive resolution and two finite coordinates")
+
+
+def _cell_of(p: Floats, resolution: float, origin: Floats) -> Ints:
+    return np.floor((p - origin) / resolution).astype(np.int64)[..., ::-1]
+
+
+def _centre_of(cell: Ints, resolution: float, origin: Floats) -> Floats:
+    return origin + (cell[..., ::-1] + 0.5) * resolution
 
 
 @final
@@ -27,12 +47,7 @@ class Grid:
     origin: Floats
 
     def __post_init__(self) -> None:
-        if self.cells.ndim != 2 or self.cells.dtype != np.uint8 or not self.cells.size:
-            found = f"{self.cells.dtype} {self.cells.shape}"
-            raise DataError(f"cells must be a matrix of uint8, not {found}", where="grid")
-        if not (0.0 < self.resolution < np.inf) or self.origin.shape != (2,) or not np.isfinite(self.origin).all():
-            at = f"resolution {self.resolution:g} m and origin {self.origin.tolist()}"
-            raise DataError(f"no grid has {at}", where="grid", fix="a positive resolution and two finite coordinates")
+        _require_cells(self.cells, self.resolution, self.origin, "grid")
 
     @property
     def occupied(self) -> Bools:
@@ -41,8 +56,34 @@ class Grid:
 
     def cell_of(self, p: Floats) -> Ints:
         """(..., 2) row and column of points (..., 2) [m], also beyond the grid's edges."""
-        return np.floor((p - self.origin) / self.resolution).astype(np.int64)[..., ::-1]
+        return _cell_of(p, self.resolution, self.origin)
 
     def centre_of(self, cell: Ints) -> Floats:
         """(..., 2) m, site frame: the middle of cells (..., 2), row and column."""
-        return self.origin + (cell[..., ::-1] + 0.5) * self.resolution
+        return _centre_of(cell, self.resolution, self.origin)
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Costmap:
+    """What it costs to have a robot's centre in a cell: 0 free, 1..252 near something, 253 `INSCRIBED`, 254 `LETHAL`,
+    255 `UNKNOWN`, as nav2_costmap_2d has them.
+
+    cells : (rows, cols) uint8, row 0 south, column 0 west;  resolution : side of a cell [m];
+    origin : (2,) m, site frame, the outer (south-western) corner of cell [0, 0].
+    """
+
+    cells: NDArray[np.uint8]
+    resolution: float
+    origin: Floats
+
+    def __post_init__(self) -> None:
+        _require_cells(self.cells, self.resolution, self.origin, "costmap")
+
+    def cell_of(self, p: Floats) -> Ints:
+        """(..., 2) row and column of points (..., 2) [m], also beyond the map's edges."""
+        return _cell_of(p, self.resolution, self.origin)
+
+    def centre_of(self, cell: Ints) -> Floats:
+        """(..., 2) m, site frame: the middle of cells (..., 2), row and column."""
+        return _centre_of(cell, self.resolution, self.origin)

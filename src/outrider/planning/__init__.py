@@ -1,0 +1,1 @@
+"""Paths over a site and trajectories around what is in the way."""

@@ -1,0 +1,1 @@
+"""What holds whichever planner drives: limits of command, collision monitor, watchdog."""
