@@ -200,6 +200,27 @@ def test_a_camera_sees_another_robot_in_its_cone_only() -> None:
     assert len(sampled(camera, below, rng(), World(name="hall", walls=(roof,)), above)) == 0
 
 
+def test_a_lidar_sees_other_robots_before_the_wall_behind_them() -> None:
+    wall = Wall(name="wall", outline=np.array([[8.0, -50.0], [9.0, -50.0], [9.0, 50.0], [8.0, 50.0]]), high=9.0)
+    world, lidar = World(name="w", walls=(wall,)), Lidar(beams=4, sigma=0.0)
+    others = {"cart": replace(resting(1.0, p=(5.0, 0.1, 0.0)), robot="cart")}
+    alone, past = (
+        sampled(lidar, resting(1.0), rng(), world).z[0],
+        sampled(lidar, resting(1.0), rng(), world, others).z[0],
+    )
+    assert alone[2] == pytest.approx(8.0)  # straight ahead
+    assert past[2] == pytest.approx(5.0 - np.sqrt(0.3**2 - 0.1**2))
+    assert past[[0, 1, 3]].tolist() == alone[[0, 1, 3]].tolist()
+    flying = {"drone": replace(resting(1.0, p=(5.0, 0.0, 2.0)), robot="drone")}
+    assert sampled(lidar, resting(1.0), rng(), world, flying).z[0].tolist() == alone.tolist()
+
+
+@pytest.mark.parametrize("rate_hz", [0.0, -5.0, np.nan, np.inf])
+def test_a_sensor_that_never_records_is_refused(rate_hz: float) -> None:
+    with pytest.raises(ConfigError, match=r"imu: a rate of .* Hz"):
+        sampled(Imu(rate_hz=rate_hz), resting(1.0), rng())
+
+
 def test_stereo_needs_a_surface_and_uwb_a_line_of_sight() -> None:
     wall = Wall(name="wall", outline=np.array([[2.0, -50.0], [3.0, -50.0], [3.0, 50.0], [2.0, 50.0]]), high=9.0)
     world = World(name="w", walls=(wall,))

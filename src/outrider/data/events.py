@@ -36,7 +36,7 @@ class Kind(Enum):
     HEADING = "heading"  # rad, counter-clockwise from east, true
     RANGE = "range"  # beacon id, m
     RANGE_BEARING = "range_bearing"  # bearing rad, body, left positive
-    RELATIVE_POSE = "relative_pose"  # of the other robot in this body frame
+    RELATIVE_POSE = "relative_pose"  # of the other robot in the sensor's frame, in this body's if it has none
     SCAN = "scan"  # ranges [m] of a 2-D lidar, inf where nothing returned; extra: angle_min, angle_step, range_max
     COMMAND = "command"  # commanded velocity, world, m/s
     ESTIMATE = "estimate"  # another estimator's answer

@@ -10,6 +10,7 @@ from outrider.data import Stream, joined
 from outrider.data.agents import Agent, Message, Planned, arrived
 from outrider.errors import ConfigError
 from outrider.sim.course import Course
+from outrider.sim.monitor import Hull
 from outrider.sim.noise import generator
 from outrider.sim.sensors import Setting, make_device
 from outrider.sim.team import Robot
@@ -22,9 +23,9 @@ from outrider.typing import Floats
 class Actor:
     """A robot of a run. due : ns, when its agent wants to be asked next;  done : whether its mission is over."""
 
-    def __init__(self, world: World, robot: Robot, start: int, end: int, seed: int) -> None:
+    def __init__(self, world: World, robot: Robot, hulls: Mapping[str, Hull], start: int, end: int, seed: int) -> None:
         self.robot, self.course = robot, Course(world, robot, start, end, seed)
-        setting = Setting(world=world, robot=robot.name, start=start, end=end, seed=seed)
+        setting = Setting(world=world, robot=robot.name, start=start, end=end, seed=seed, hulls=hulls)
         self._devices = [(s.name, make_device(s, setting, generator(seed, robot.name, s.name))) for s in robot.sensors]
         if len({name for name, _ in self._devices}) != len(self._devices):
             raise ConfigError("two sensors of one name", where=f"robot {robot.name}", fix="give each a name of its own")

@@ -9,6 +9,7 @@ import numpy as np
 from outrider.data.agents import Planned
 from outrider.errors import ConfigError
 from outrider.models.vehicles import ROW_F, ROW_P, ROW_Q, ROW_SIZE, ROW_V, ROW_W, Vehicle, first_row
+from outrider.sim.deck import Deck
 from outrider.sim.noise import generator
 from outrider.sim.team import Robot
 from outrider.sim.truth import Biases, Truth, drift
@@ -30,6 +31,14 @@ class Course:
         else:
             raise ConfigError("neither has a vehicle nor follows a track", where=f"robot {robot.name}")
         self.truth = drift(truth, generator(seed, robot.name, "drift"), robot.drift)
+        self.deck: Deck | None = None
+
+    def board(self, robot: Robot, carrier: Robot, under: "Course") -> None:
+        """Start on the pad of a carrier. Raises ConfigError for a pair that cannot be."""
+        if carrier.pad is None or carrier.vehicle is None or robot.vehicle is None:
+            fix = "give the carrier a vehicle and a pad, and the drone a vehicle"
+            raise ConfigError(f"cannot start on {carrier.name}", where=f"robot {robot.name}", fix=fix)
+        self.deck = Deck(carrier.pad, carrier.vehicle, robot.vehicle, under._rows, self._rows, robot.name)
 
     def _laid_out(self, world: World, robot: Robot, vehicle: Vehicle, end: int, seed: int) -> Truth:
         if abs(vehicle.gravity - world.gravity) > 1e-9:
@@ -58,8 +67,11 @@ class Course:
                 u = command.plan(np.asarray((self.truth.t[self.k : last] - self._start) * 1e-9, np.float64))
             else:
                 u = np.tile(command, (last - self.k, 1))
-            rows = slice(self.k + 1, last + 1)
-            self._vehicle.run(self._x, np.ascontiguousarray(u), self._wind[rows], self._ground, self._rows[rows])
+            u, rows = np.ascontiguousarray(u), slice(self.k + 1, last + 1)
+            if self.deck is not None:
+                self.deck.move(self.k, last, u, self._x, self._wind, self._ground)
+            else:
+                self._vehicle.run(self._x, u, self._wind[rows], self._ground, self._rows[rows])
         self.k = last
 
     @property

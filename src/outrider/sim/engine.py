@@ -83,8 +83,10 @@ def simulate(
     if not names or len(set(names)) != len(names):
         raise ConfigError("every robot needs a name of its own", where="team", fix="name one at least, each once")
     end = start + _whole(duration_s, team)
-    actors = {r.name: Actor(world, r, start, end, seed) for r in team}
-    air, monitor = Air(radio, names, seed, start), Monitor(world, {r.name: r.hull for r in team}, start)
+    hulls = {r.name: r.hull for r in team}
+    actors = {r.name: Actor(world, r, hulls, start, end, seed) for r in team}
+    air, monitor = Air(radio, names, seed, start), Monitor(world, hulls, start)
+    moving = _board(team, actors)
     _check_starts(actors, monitor)
     notes: list[Note] = []
     now, ending, hit = start, Ending.TIME, None
@@ -101,7 +103,7 @@ def simulate(
         if now >= end or ending is not Ending.TIME:
             break
         until = min(end, now + LONGEST, *(a.due for a in actors.values() if not a.done))
-        for actor in actors.values():
+        for actor in moving:
             actor.move(until)
         if not all(a.course.finite for a in actors.values()):
             ending = Ending.DIVERGED
@@ -109,14 +111,45 @@ def simulate(
         pieces = {name: a.course.piece(now, until) for name, a in actors.items()}
         for actor in actors.values():
             actor.sense(pieces)
-        hit, now = monitor.look(pieces), until
+        hit, now = _crash(actors) or monitor.look(pieces), until
         if hit is not None:
             ending, now = Ending.COLLISION, hit.t
     return Simulation(
         log=_log(actors, now),
         truth={name: a.course.piece(start, now) for name, a in actors.items()},
-        ending=ending, ended=now, hit=hit, monitor=monitor, notes=tuple(notes), air=air,
+        ending=ending, ended=now, hit=hit, monitor=monitor, notes=_told(notes, actors, now), air=air,
     )  # fmt: skip
+
+
+def _board(team: Sequence[Robot], actors: Mapping[str, Actor]) -> list[Actor]:
+    """Put drones on their pads; everybody in the order in which they move, carriers before what they carry."""
+    by_name = {r.name: r for r in team}
+    for robot in team:
+        if robot.on and (robot.on not in by_name or by_name[robot.on].on):
+            fix = f"choose among {', '.join(n for n, r in by_name.items() if r.pad)}".rstrip()
+            raise ConfigError(f"starts on '{robot.on}', which carries nobody", where=f"robot {robot.name}", fix=fix)
+        if robot.on:
+            actors[robot.name].course.board(robot, by_name[robot.on], actors[robot.on].course)
+    return sorted(actors.values(), key=lambda a: bool(a.robot.on))
+
+
+def _told(notes: list[Note], actors: Mapping[str, Actor], until: int) -> tuple[Note, ...]:
+    """What agents said and what became of drones on pads, in order of time."""
+    for name, actor in actors.items():
+        for row, status in actor.course.deck.events if actor.course.deck is not None else ():
+            notes.append(Note(t=int(actor.course.truth.t[row]), robot=name, text=status.value))
+    return tuple(sorted((n for n in notes if n.t <= until), key=lambda n: n.t))
+
+
+def _crash(actors: Mapping[str, Actor]) -> Closest | None:
+    """The first landing that failed."""
+    failed: list[Closest] = []
+    for name, actor in actors.items():
+        deck = actor.course.deck
+        if deck is not None and deck.status.crashed:
+            what = f"the pad of {actor.robot.on}: {deck.status.value}"
+            failed.append(Closest(robot=name, what=what, distance=0.0, t=int(actor.course.truth.t[deck.events[-1][0]])))
+    return min(failed, key=lambda c: c.t, default=None)
 
 
 def _check_starts(actors: Mapping[str, Actor], monitor: Monitor) -> None:

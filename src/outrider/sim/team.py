@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import final
 
 from outrider.data.agents import Agent, Planned
-from outrider.models.vehicles import Vehicle
+from outrider.models.vehicles import Pad, Vehicle
 from outrider.sim.monitor import Hull
 from outrider.sim.sensors import Plain, Sensor
 from outrider.sim.truth import Drift, Truth
@@ -29,6 +29,8 @@ class Robot:
     start: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     drift: Drift = field(default_factory=Drift)
     size: Hull | None = None  # of its vehicle, unless given
+    pad: Pad | None = None  # a deck for a drone
+    on: str = ""  # the robot on whose pad it starts
 
     @property
     def hull(self) -> Hull:

@@ -6,13 +6,15 @@ made, white noise row by row: one call over a whole run and many over its pieces
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol, TypeAlias, final, runtime_checkable
 
 import numpy as np
 from numpy.random import Generator
 
 from outrider.data import Kind, Stream, stream
+from outrider.errors import ConfigError
+from outrider.sim.monitor import Hull
 from outrider.sim.truth import Truth
 from outrider.sim.world import World
 from outrider.typing import Floats, Ints
@@ -28,13 +30,14 @@ Device: TypeAlias = Callable[[Truth, Mapping[str, Truth]], Stream]
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Setting:
-    """The run that a device is made for. start, end : ns."""
+    """The run that a device is made for. start, end : ns;  hulls : of every robot, by name."""
 
     world: World
     robot: str
     start: int
     end: int
     seed: int
+    hulls: Mapping[str, Hull] = field(default_factory=dict[str, Hull])
 
     def seconds(self, t: Ints) -> Floats:
         """(n,) since the start."""
@@ -75,7 +78,10 @@ class Plain(Protocol):
 
 
 def make_device(sensor: Sensor | Plain, setting: Setting, rng: Generator) -> Device:
-    """The device of any sensor."""
+    """The device of any sensor. Raises ConfigError for one that would never record."""
+    rate = getattr(sensor, "rate_hz", 1.0)
+    if not 0.0 < rate < np.inf:
+        raise ConfigError(f"a rate of {rate} Hz", where=f"robot {setting.robot}: {sensor.name}", fix="more than zero")
     if isinstance(sensor, Sensor):
         return sensor.device(setting, rng)
     return lambda own, others: sensor.sample(own, rng)

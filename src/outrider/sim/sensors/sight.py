@@ -1,7 +1,7 @@
 """Sensors that look at things: lidar, cameras, stereo, radio ranges. All need the world, some the other robots."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import inf
 from typing import final
 from zlib import crc32
@@ -26,7 +26,9 @@ def number_of(robot: str) -> float:
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lidar:
-    """A 2-D scan: `beams` ranges [m] over `field` [rad] about forward, inf where nothing returns."""
+    """A 2-D scan: `beams` ranges [m] over `field` [rad] about forward, inf where nothing returns.
+
+    It sees the world, the ground if it tilts, and the other robots as the cylinders that collide."""
 
     name: str = "scan"
     rate_hz: float = 10.0
@@ -51,7 +53,8 @@ class Lidar:
             origin = here.p + rotate(here.q, np.array(self.lever))
             q = quats_multiply(here.q, np.tile(self.mount, (len(here), 1)))
             seconds = setting.seconds(here.t)
-            z = setting.world.scan(origin, q, angles, self.max_range, seconds)
+            seen = [(others[k].at(here.t).p, h.radius, h.height) for k, h in setting.hulls.items() if k in others]
+            z = setting.world.scan(origin, q, angles, self.max_range, seconds, seen)
             noise, luck = white(rng, len(here), self.beams, self.sigma), rng.random((len(here), self.beams))
             z = np.where(luck < self.drop, inf, np.maximum(z + noise, 0.0))
             columns = {"angle_min": angles[0], "angle_step": angles[1] - angles[0], "range_max": self.max_range}
@@ -143,7 +146,8 @@ class RobotCamera:
                 p, q = p + draws[:, :3] * self.sigma, quats_multiply(q, quats_exp(draws[:, 3:] * self.sigma_angle))
                 rows.append(np.column_stack([np.full(len(here), number_of(name)), p, q]))
                 keep.append(seen)
-            return _interleaved(self, Kind.RELATIVE_POSE, here, rows, keep, self._variance(), self.latency_s)
+            made = _interleaved(self, Kind.RELATIVE_POSE, here, rows, keep, self._variance(), self.latency_s)
+            return replace(made, frame=self.name)
 
         return sense
 

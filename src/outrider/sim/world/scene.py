@@ -180,3 +180,28 @@ def scans(s: Scene, o: Floats, q: Floats, angles: Floats, reach: float, t: Float
             rotate(q[i], v, v)
             best = _beam(s, t[i], ox, oy, oz, v[0], v[1], v[2], reach)
             out[i, j] = min(best, cast_ground(s.slope[0], s.slope[1], ox, oy, oz, v[0], v[1], v[2], reach))
+
+
+@kernel
+def scan_column(
+    o: Floats,
+    q: Floats,
+    angles: Floats,
+    reach: float,
+    feet: Floats,
+    radius: float,
+    height: float,
+    v: Floats,
+    out: Floats,
+) -> None:
+    """Shorten out (n, k) where an upright cylinder, its foot at feet (n, 3), is nearer; the rest as in `scans`."""
+    for i in range(o.shape[0]):
+        x, y, z = feet[i, 0], feet[i, 1], feet[i, 2]
+        if hypot(x - o[i, 0], y - o[i, 1]) - radius > reach:
+            continue
+        for j in range(angles.size):
+            v[0], v[1], v[2] = cos(angles[j]), sin(angles[j]), 0.0
+            rotate(q[i], v, v)
+            limit = min(out[i, j], reach)
+            near = cast_column(x, y, radius, z, z + height, o[i, 0], o[i, 1], o[i, 2], v[0], v[1], v[2], limit)
+            out[i, j] = min(out[i, j], near)

@@ -1,9 +1,9 @@
 """The world that robots are put into, and what can be asked about it."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import final
+from typing import TypeAlias, final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,11 +13,13 @@ from outrider.sim.truth import SITE, STANDARD_GRAVITY
 from outrider.sim.world.check import check
 from outrider.sim.world.ground import Ground
 from outrider.sim.world.parts import Body, Fence, Mover, Solids, Wall
-from outrider.sim.world.scene import Scene, clearances, scans, scene, sights
+from outrider.sim.world.scene import Scene, clearances, scan_column, scans, scene, sights
 from outrider.sim.world.wind import Wind
 from outrider.typing import Bools, Floats, Ints
 
 GRID = "grid"
+Column: TypeAlias = tuple[Floats, float, float]
+"""An upright cylinder under way: feet (n, 3) m, radius [m], height [m]."""
 
 
 @final
@@ -75,16 +77,28 @@ class World:
         sights(self.scene, np.ascontiguousarray(a), np.ascontiguousarray(b), _times(t_s, n), out)
         return out
 
-    def scan(self, origin: Floats, q: Floats, angles: Floats, max_range: float, t_s: ArrayLike = 0.0) -> Floats:
+    def scan(
+        self,
+        origin: Floats,
+        q: Floats,
+        angles: Floats,
+        max_range: float,
+        t_s: ArrayLike = 0.0,
+        others: Iterable[Column] = (),
+    ) -> Floats:
         """Ranges (k,) [m] of a 2-D lidar, or (n, k) of n scans; inf: nothing within `max_range`, 0: inside a thing.
 
-        origin (3,) or (n, 3) and q (4,) or (n, 4), R_site_sensor;  angles (k,) rad, from the sensor's x towards its y.
+        origin (3,) or (n, 3) and q (4,) or (n, 4), R_site_sensor;  angles (k,) rad, from the sensor's x towards its y;
+        others : what is no part of the world and stands in the way all the same.
         """
         o, attitude = np.atleast_2d(origin), np.atleast_2d(q)
         n = o.shape[0]
         out = np.empty((n, angles.size))
         poses = np.ascontiguousarray(o, np.float64), np.ascontiguousarray(attitude, np.float64)
-        scans(self.scene, *poses, np.ascontiguousarray(angles), float(max_range), _times(t_s, n), np.empty(3), out)
+        beams, scratch = np.ascontiguousarray(angles), np.empty(3)
+        scans(self.scene, *poses, beams, float(max_range), _times(t_s, n), scratch, out)
+        for feet, radius, height in others:
+            scan_column(*poses, beams, float(max_range), np.ascontiguousarray(feet), radius, height, scratch, out)
         return out[0] if origin.ndim == 1 else out
 
     def validate(self) -> None:
