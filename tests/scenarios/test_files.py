@@ -170,3 +170,36 @@ def test_the_schema_knows_every_type() -> None:
     vehicle = next(one for one in robot["vehicle"]["anyOf"] if "discriminator" in one)
     assert set(vehicle["discriminator"]["mapping"]) == set(VEHICLES)
     assert "half_angle_deg" in whole["$defs"]["RobotCamera"]["properties"]
+
+
+RELAY = (
+    YARD.replace("team:\n  rover:\n", "team:\n  rover:\n    pad: {}\n    size: {radius: 0.5, height: 0.5}\n")
+    + """
+  scout:
+    vehicle: {type: multirotor, step_s: 0.02}
+    on: rover
+    mission: {type: schedule, t_s: [0, 1], u: [[0, 0, 0, 0], [0, 0, 1, 0]]}
+"""
+)
+
+
+def test_a_drone_starts_on_its_carrier_and_takes_off(tmp_path: Path) -> None:
+    path = tmp_path / "yard.yaml"
+    path.write_text(RELAY)
+    cast = build(*load_scenario(str(path)))
+    assert cast.team[1].start == (1.0, 0.0, 0.6, np.pi / 2)
+    run = cast.run()
+    assert [(n.robot, n.text) for n in run.notes] == [("scout", "it is in the air")]
+    path.write_text(RELAY.replace("on: rover", "on: rowver"))
+    with pytest.raises(ConfigError, match=r"team\.scout\.on: no robot 'rowver' with a pad .*did you mean 'rover'"):
+        build(*load_scenario(str(path)))
+
+
+def test_the_second_physics_is_chosen_in_the_file(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco", reason="the extra `physics` is not installed")
+    path = tmp_path / "yard.yaml"
+    path.write_text(YARD.replace("team:\n  rover:\n", "team:\n  rover:\n    physics: mujoco\n"))
+    assert type(build(*load_scenario(str(path))).team[0].vehicle).__name__ == "MujocoRover"
+    path.write_text(RELAY.replace("    on: rover\n", "    physics: mujoco\n"))
+    with pytest.raises(ConfigError, match=r"team\.scout\.vehicle: physics 'mujoco' knows no multirotor"):
+        build(*load_scenario(str(path)))

@@ -77,7 +77,7 @@ def test_how_the_run_is_cut_changes_nothing() -> None:
 
 @pytest.mark.parametrize(
     ("down", "says"),
-    [((0.4, 0.0, -1.5, 0.0), "struck the pad"), ((0.44, 0.0, -0.4, 0.0), "beside the pad")],
+    [((0.4, 0.0, -1.5, 0.0), "struck the pad"), ((0.455, 0.0, -0.4, 0.0), "beside the pad")],
 )
 def test_a_bad_landing_ends_the_run_with_its_reason(down: tuple[float, float, float, float], says: str) -> None:
     run = flown([HOP[0], (5.0, down)])

@@ -34,6 +34,7 @@ def run(
     dry_run: bool,
     force: bool,
     report: bool,
+    film: float,
     json: bool,
     quiet: bool,
 ) -> int:
@@ -61,7 +62,7 @@ def run(
         typed = [as_text(a) for a in sys.argv]
         command = shlex.join(["outrider", *typed[1:]]) if typed[0].endswith("outrider") else ""
         done, summary = run_scenario(
-            scenario, folder, where=where, force=force, report=report, command=command, progress=progress
+            scenario, folder, where=where, force=force, report=report, film=film, command=command, progress=progress
         )
     if json:
         return _print_json({**summary, "folder": str(folder)}, done.exit_code)

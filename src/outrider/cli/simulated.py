@@ -28,7 +28,8 @@ def run(summary: Mapping[str, Any], folder: Path, *, quiet: bool = False) -> Non
     out.print(Text(text, "bold green" if good else "bold red"))
     if quiet:
         return
-    took = f"simulated in {_number(summary['wall_s'])} s, {_number(summary['times_real_time'])} x real time"
+    compiled = f" plus {_number(summary['compile_s'])} s compiling" if summary["compile_s"] > 0.0 else ""
+    took = f"simulated in {_number(summary['wall_s'])} s{compiled}, {_number(summary['times_real_time'])} x real time"
     out.print(Text(f"{_number(summary['duration_s'])} s, {summary['log']['records']} records, {took}"))
     table = _table("robot", "moves by", ">distance", ">top speed", ">clearance", "to", ">fence", ">own estimate, RMSE")
     for name, r in summary["robots"].items():
@@ -54,7 +55,8 @@ def run(summary: Mapping[str, Any], folder: Path, *, quiet: bool = False) -> Non
 
 def _invitation(summary: Mapping[str, Any], folder: Path) -> str:
     """How to fuse the recording in the frame of its truth."""
-    robots, site = list(summary["robots"]), summary["datum"]
-    which = f" --robot {robots[0]}" if len(robots) > 1 else ""
+    robots, site = summary["robots"], summary["datum"]
+    best = max(robots, key=lambda name: sum(s["kind"] in ("gnss", "imu") for s in robots[name]["sensors"].values()))
+    which = f" --robot {best}" if len(robots) > 1 else ""
     datum = ",".join(f"{site[key]:.12g}" for key in ("lat_deg", "lon_deg", "alt_m"))
     return f"outrider fuse {folder / 'run.mcap'}{which} --datum {datum}"

@@ -3,6 +3,7 @@
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from math import cos, sin
 from typing import Any, final
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from outrider.data.agents import Agent, Planned
 from outrider.errors import ConfigError
 from outrider.io.checked import fault_at, remedy
-from outrider.models.vehicles import AIR_INPUTS, Vehicle
+from outrider.models.vehicles import AIR_INPUTS, Differential, Mecanum, Pad, Rotorcraft, Vehicle
 from outrider.scenarios.navigation import Put, mount_matrix, navigator
 from outrider.scenarios.parts import (
     FAULTS,
@@ -65,7 +66,8 @@ def build(scenario: Scenario, where: str = "") -> Cast:
         world.validate()
     with at(where, "radio"):
         radio = made_of(Radio, scenario.radio)
-    team = tuple(_robot(name, section, world, scenario.duration_s, where) for name, section in scenario.team.items())
+    put = {name: _put(name, scenario, where) for name in scenario.team}
+    team = tuple(_robot(n, s, world, put[n], scenario.duration_s, where) for n, s in scenario.team.items())
     return Cast(world=world, team=team, radio=radio, duration_s=scenario.duration_s, seed=scenario.seed, where=where)
 
 
@@ -92,14 +94,44 @@ def _world(section: WorldSection) -> World:
     )
 
 
-def _robot(name: str, section: RobotSection, world: World, duration_s: float, where: str) -> Robot:
+def _put(name: str, scenario: Scenario, where: str) -> Put:
+    """Where a robot starts; on a pad, that is up to the carrier."""
+    section = scenario.team[name]
+    if section.on is None:
+        start = section.start
+        return start.x, start.y, start.z, start.yaw
+    carrier = scenario.team.get(section.on)
+    with at(where, "team", name, "on"):
+        if carrier is None or carrier.pad is None:
+            with_pads = [n for n, s in scenario.team.items() if s.pad is not None]
+            raise ConfigError(f"no robot '{section.on}' with a pad", fix=remedy(section.on, with_pads))
+    east, north, up, yaw = _put(section.on, scenario, where) if carrier.on is None else (0.0, 0.0, 0.0, 0.0)
+    x, y, z = made_of(Pad, carrier.pad).place
+    return east + x * cos(yaw) - y * sin(yaw), north + x * sin(yaw) + y * cos(yaw), up + z, yaw
+
+
+def _vehicle(section: RobotSection, world: World) -> Vehicle | None:
+    if section.vehicle is None:
+        return None
+    vehicle = made_of(VEHICLES[section.vehicle.type], section.vehicle, gravity=world.gravity)
+    if section.physics == "own":
+        return vehicle
+    from outrider.sim.physics import MujocoRotorcraft, MujocoRover, library
+
+    library()
+    if isinstance(vehicle, Mecanum | Differential):
+        return MujocoRover(design=vehicle)
+    if isinstance(vehicle, Rotorcraft):
+        return MujocoRotorcraft(design=vehicle)
+    raise ConfigError(
+        f"physics 'mujoco' knows no {section.vehicle.type}", fix="it has mecanum, differential, rotorcraft"
+    )
+
+
+def _robot(name: str, section: RobotSection, world: World, put: Put, duration_s: float, where: str) -> Robot:
     key = ("team", name)
-    start = section.start
-    put: Put = (start.x, start.y, start.z, start.yaw)
-    vehicle: Vehicle | None = None
-    if section.vehicle is not None:
-        with at(where, *key, "vehicle"):
-            vehicle = made_of(VEHICLES[section.vehicle.type], section.vehicle, gravity=world.gravity)
+    with at(where, *key, "vehicle"):
+        vehicle = _vehicle(section, world)
     carried = _sensors(section, where, key)
     agent: Agent | Planned | None = None
     path: Truth | None = None
@@ -117,6 +149,7 @@ def _robot(name: str, section: RobotSection, world: World, duration_s: float, wh
         name=name, vehicle=vehicle, agent=agent, track=path, sensors=carried, start=put,
         mounts={getattr(s, "frame", s.name): mount_matrix(s) for s in _bare(carried) if hasattr(s, "lever")},
         drift=made_of(Drift, section.drift), size=None if section.size is None else made_of(Hull, section.size),
+        pad=None if section.pad is None else made_of(Pad, section.pad), on=section.on or "",
     )  # fmt: skip
 
 

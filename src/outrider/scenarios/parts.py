@@ -7,7 +7,7 @@ from typing import Annotated, Any, Final, Literal, TypeAlias
 from pydantic import Field, create_model
 
 from outrider.io.checked import Flag, Whole
-from outrider.models.vehicles import Differential, Mecanum, Multirotor, Rotorcraft, Steered, Vehicle
+from outrider.models.vehicles import Differential, Mecanum, Multirotor, Pad, Rotorcraft, Steered, Vehicle
 from outrider.scenarios.sections import STRICT, Number, Part, Table, inner_section, section_of, tagged
 from outrider.sim import places, sensors
 from outrider.sim.monitor import Hull
@@ -168,6 +168,12 @@ class RobotSection(Part):
 
     vehicle: tagged(VEHICLES, skip=GRAVITY) | None = None  # type: ignore[valid-type]
     """None for a robot that is carried along a track."""
+    physics: Literal["own", "mujoco"] = "own"
+    """Which one moves the vehicle: `mujoco` has wheels on contacts; it takes the extra `physics`, and patience."""
+    pad: inner_section(Pad) | None = None  # type: ignore[valid-type]
+    """A deck on which a drone may stand, land, and take off."""
+    on: str | None = None
+    """The robot on whose pad this one starts, instead of `start`; it takes off with the first command to climb."""
     start: StartSection = StartSection()
     sensors: tuple[tagged(SENSORS), ...] = ()  # type: ignore[valid-type]
     mission: Mission = Field(default={"type": "still"}, validate_default=True)  # type: ignore[valid-type]

@@ -11,11 +11,13 @@ from typing import Any, Final, final
 import numpy as np
 
 from outrider import __version__
+from outrider._kernel import compiling
 from outrider.data.agents import Planned
 from outrider.errors import ExitCode
 from outrider.io import folders
 from outrider.io.record import write_recording
 from outrider.io.tum import write_tum
+from outrider.models.vehicles import Vehicle
 from outrider.scenarios.build import Cast, build
 from outrider.scenarios.files import scenario_text
 from outrider.scenarios.parts import Scenario
@@ -25,6 +27,8 @@ from outrider.sim.radio import Lost
 
 SCHEMA: Final = "outrider.simulation/1"
 SUMMARY, RECORDING, SCENARIO, REPORT = "summary.json", "run.mcap", "scenario.yaml", "report.html"
+FILM: Final = "film.gif"
+FILM_HZ: Final = 10.0
 GOOD: Final = (Ending.GOAL, Ending.TIME)
 
 Progress = Callable[[str, float], None]
@@ -38,7 +42,8 @@ class Done:
     scenario: Scenario
     cast: Cast
     run: Simulation
-    wall_s: float
+    wall_s: float  # of simulating, without what compiling took
+    compile_s: float
 
     @property
     def exit_code(self) -> ExitCode:
@@ -58,10 +63,13 @@ def run_scenario(
     where: str = "",
     force: bool = False,
     report: bool = True,
+    film: float = 0.0,
     command: str = "",
     progress: Progress | None = None,
 ) -> tuple[Done, dict[str, Any]]:
     """Run a scenario and write its folder, complete or not at all; what was done, and its summary.
+
+    film : pictures per simulated second, 0 for none.
 
     Raises ConfigError for what cannot be, OutputExistsError if there is something at `output`.
     """
@@ -69,14 +77,20 @@ def run_scenario(
     cast = build(scenario, where)
     tell = progress or _silent
     tell("simulating", 0.0)
-    began = time.perf_counter()
-    done = Done(scenario=scenario, cast=cast, run=cast.run(), wall_s=time.perf_counter() - began)
+    with compiling() as compiled:
+        began = time.perf_counter()
+        run = cast.run()
+        wall = time.perf_counter() - began
+    done = Done(scenario=scenario, cast=cast, run=run, wall_s=wall - compiled(), compile_s=compiled())
     document = summarise(done)
     with folders.result_folder(output, SUMMARY, SCHEMA, force=force) as part:
         tell("writing", 0.0)
         write_recording(done.run.log, part / RECORDING)
         for name, truth in done.run.truth.items():
             write_tum(truth.trajectory(), part / f"truth_{name}.tum")
+        if film > 0.0:
+            tell("film", 0.0)
+            _film(done.run, part / FILM, film)
         (part / SCENARIO).write_text(scenario_text(scenario), encoding="utf-8")
         if report:
             from outrider.plot.simulation import write_simulation_report  # imports matplotlib
@@ -86,6 +100,15 @@ def run_scenario(
             write_simulation_report(done.run, document, part / REPORT, scenario=text, command=command)
         folders.write_marker(part, SUMMARY, document)
     return done, document
+
+
+def _film(run: Simulation, path: Path, rate_hz: float) -> None:
+    """Rendered by the second physics, whichever moved the vehicles; played ten times a second."""
+    from outrider.io.film import write_film
+    from outrider.sim.physics.pictures import pictures
+
+    seconds = np.arange(0.0, (run.ended - run.monitor.start) * 1e-9, 1.0 / rate_hz)
+    write_film(pictures(run, seconds), path, FILM_HZ)
 
 
 def rehearse(scenario: Scenario, where: str = "") -> Cast:
@@ -123,6 +146,7 @@ def summarise(done: Done) -> dict[str, Any]:
         ],
         "log": {"records": len(run.log), "sha256": run.log.sha256},
         "wall_s": done.wall_s,
+        "compile_s": done.compile_s,
         "times_real_time": lasted / done.wall_s,
         "versions": {
             "outrider": __version__, "python": platform.python_version(), "machine": platform.machine(),
@@ -138,7 +162,7 @@ def _robot(done: Done, name: str) -> dict[str, Any]:
     steps = np.linalg.norm(np.diff(truth.p, axis=0), axis=1)
     by_agent = member.agent is not None and not isinstance(member.agent, Planned)
     return {
-        "vehicle": type(member.vehicle).__name__.lower() if member.vehicle else "carried",
+        "vehicle": _kind(member.vehicle),
         "driven_by": type(member.agent).__name__.lower() if member.agent else "track",
         "closed_loop": by_agent,
         "distance_m": float(steps.sum()),
@@ -153,6 +177,14 @@ def _robot(done: Done, name: str) -> dict[str, Any]:
             if s.robot == name
         },
     }
+
+
+def _kind(vehicle: Vehicle | None) -> str:
+    if vehicle is None:
+        return "carried"
+    design = getattr(vehicle, "design", None)  # of the second physics
+    name = type(vehicle if design is None else design).__name__.lower()
+    return name if design is None else f"{name} in MuJoCo"
 
 
 def _closest(run: Simulation, c: Closest | None) -> dict[str, Any] | None:
