@@ -274,14 +274,14 @@ def run_command(
     json: AsJson = False,
     report: Annotated[bool, typer.Option("--report/--no-report", help="Write report.html.")] = True,
     film: Annotated[
-        float,
+        float | None,
         typer.Option(
             "--film",
             metavar="HZ",
             parser=parse.number("--film", above=0.0),
             help="Also render film.gif: pictures per simulated second (MuJoCo, OpenGL).",
         ),
-    ] = 0.0,
+    ] = None,
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> int:
@@ -292,7 +292,7 @@ def run_command(
         return print_scenarios(json=json)
     return run(
         name, settings=settings or (), seed=seed, duration=duration, output=output, dry_run=dry_run, force=force,
-        report=report, film=film, json=json, quiet=quiet,
+        report=report, film=film or 0.0, json=json, quiet=quiet,
     )  # fmt: skip
 
 
