@@ -118,9 +118,8 @@ def _points(world: World, k: int) -> tuple[str, Floats]:
     origin = centre + radius * origin / np.linalg.norm(origin, axis=1)[:, None]
     towards = centre + (rng.random((BEAMS, 3)) - 0.5) * radius - origin
     towards /= np.linalg.norm(towards, axis=1)[:, None]
-    ranges = np.array(
-        [cast(table, *o, *d, 3.0 * radius) for o, d in zip(origin.tolist(), towards.tolist(), strict=True)]
-    )
+    beams = np.hstack([origin, towards]).tolist()
+    ranges = np.array([cast(table, ox, oy, oz, dx, dy, dz, 3.0 * radius) for ox, oy, oz, dx, dy, dz in beams])
     hit = np.isfinite(ranges)
     return f"solid{k}", origin[hit] + ranges[hit, None] * towards[hit]
 
