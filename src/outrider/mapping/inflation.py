@@ -14,6 +14,7 @@ from outrider.typing import Floats
 
 WIDEST: Final = 180  # cells: squared distances fit in 16 bits
 CHUNK: Final = 256  # cells of a row that are looked at together
+_LANES: Final = 64  # cells that a processor takes at once: rows are filled up to a multiple
 _EDGE: Final = 1e-9  # cells: a distance of exactly the inscribed radius counts as within, whatever rounding says
 
 
@@ -77,7 +78,7 @@ class Inflater:
         self._reach, self._table = inflation.reach(resolution), inflation.table(resolution)
         self._free_unknown = np.uint8(0 if inflation.into_unknown else INSCRIBED - 1)
         self._near: NDArray[np.uint8] = np.empty(shape, np.uint8)
-        self._line: NDArray[np.uint16] = np.empty(shape[1] + 2 * self._reach, np.uint16)
+        self._line: NDArray[np.uint16] = np.empty(shape[1] + 2 * self._reach + _LANES, np.uint16)
         self._best: NDArray[np.uint16] = np.empty(CHUNK, np.uint16)
 
     @property
@@ -114,7 +115,7 @@ def inflate(
     """Costs of the rows r0..r1 and columns c0..c1 of `base`, raised around its lethal cells, to `out`.
 
     table : cost by squared distance [cells];  an unknown cell takes costs above `free_unknown`;
-    near : (rows, cols) uint8, line : (cols + 2 reach) uint16, best : (CHUNK) uint16, all overwritten.
+    near : (rows, cols) uint8, line : (cols + 2 reach + 64) uint16, best : (CHUNK) uint16, all overwritten.
 
     The exact transform is separable: how far the nearest lethal cell of one's own column is, then over the row
     min_i i^2 + near^2. Both are capped at `reach`, so whole stretches of a row are worked on at once, outward,
@@ -123,36 +124,38 @@ def inflate(
     rows, cols = base.shape
     low, high = max(r0 - reach, 0), min(r1 + reach, rows)
     left, right = max(c0 - reach, 0), min(c1 + reach, cols)
-    far = np.uint8(reach + 1)
+    none, far = np.uint8(0), np.uint8(reach + 1)
     far2 = np.uint16((reach + 1) * (reach + 1))
-    for c in range(left, right):
-        near[low, c] = np.uint8(0) if base[low, c] == LETHAL else far
+    row, here = base[low, left:right], near[low, left:right]
+    for c in range(here.size):
+        here[c] = none if row[c] == LETHAL else far
     for r in range(low + 1, high):
-        row, here, above = base[r], near[r], near[r - 1]
-        for c in range(left, right):
+        row, here, above = base[r, left:right], near[r, left:right], near[r - 1, left:right]
+        for c in range(here.size):
             d = above[c]
             d = np.uint8(d + (d < far))
-            here[c] = np.uint8(0) if row[c] == LETHAL else d
+            here[c] = none if row[c] == LETHAL else d
     line[:] = far2  # beyond the map nothing is taken
+    middle = line[reach + left : reach + right]
     for r in range(high - 1, r0 - 1, -1):
-        here = near[r]
+        here = near[r, left:right]
         if r < high - 1:
-            below = near[r + 1]
-            for c in range(left, right):
+            below = near[r + 1, left:right]
+            for c in range(here.size):
                 d = below[c]
                 d = np.uint8(d + (d < far))
                 o = here[c]
                 here[c] = d if d < o else o
         if r >= r1:
             continue
-        middle = line[reach : reach + cols]
-        for c in range(left, right):
+        for c in range(here.size):
             d2 = np.uint16(here[c])
             middle[c] = np.uint16(d2 * d2)
         for start in range(c0, c1, CHUNK):
             n = min(CHUNK, c1 - start)
             told, made = base[r, start : start + n], out[r, start : start + n]
-            if _nearest(line[start : start + n + 2 * reach], best[:n], reach, far2):
+            filled = (n + _LANES - 1) // _LANES * _LANES
+            if _nearest(line[start : start + filled + 2 * reach], best[:filled], reach, far2):
                 for c in range(n):
                     made[c] = table[best[c]]
                 for c in range(n):

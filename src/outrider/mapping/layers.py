@@ -37,15 +37,10 @@ _COST_OF_UNKNOWN: Final = {Unknown.KEEP: UNKNOWN, Unknown.FREE: FREE, Unknown.TA
 
 def static_costs(grid: Grid, unknown: Unknown = Unknown.KEEP, *, scale: bool = False) -> Cells:
     """(rows, cols) costs of a drawn map: `LETHAL` where it is occupied, else 0; with `scale` 252 x percent / 65."""
-    return static_table(unknown, scale=scale)[grid.cells]
-
-
-def static_table(unknown: Unknown = Unknown.KEEP, *, scale: bool = False) -> Cells:
-    """(256,) cost by the value of an occupancy grid; values above 100 are unknown."""
     value = np.arange(256)
     graded = value * 252 // OCCUPIED if scale else np.zeros(256, np.int64)
     cost = np.where(value >= OCCUPIED, LETHAL, graded)
-    return np.where(value > 100, _COST_OF_UNKNOWN[unknown], cost).astype(np.uint8)
+    return np.where(value > 100, _COST_OF_UNKNOWN[unknown], cost).astype(np.uint8)[grid.cells]
 
 
 @final
@@ -77,7 +72,7 @@ class LayeredCostmap:
         zones_needed: bool = False,
     ) -> None:
         self._ground, self._marking, self._footprint = ground, marking or Marking(), footprint
-        self._table, self._beyond = static_table(unknown, scale=scale), _COST_OF_UNKNOWN[unknown]
+        self._drawn, self._beyond = static_costs(ground, unknown, scale=scale), _COST_OF_UNKNOWN[unknown]
         self._rolling = window is not None
         self._margin = inflation.reach(ground.resolution) if self._rolling else 0
         self._shape = _shape(ground, window, self._margin)
@@ -86,7 +81,7 @@ class LayeredCostmap:
         self._static, self._seen, self._keep = (np.full(self._shape, UNKNOWN, np.uint8) for _ in range(3))
         self._base, self._out = np.empty(self._shape, np.uint8), np.empty(self._shape, np.uint8)
         self._others: list[tuple[Box, Floats, float]] = []
-        self._needed, self._zones = zones_needed, keep_out
+        self._needed = zones_needed
         self.replace_zones(keep_out)
 
     @property
@@ -127,7 +122,7 @@ class LayeredCostmap:
         if self._footprint is not None and pose is not None:
             boxes.append(self._stand(self._footprint, pose))
         boxes += [box for box, *_ in self._others]
-        self._others = [(self._box(f, p), f.at(p), f.radius) for f, p in others]
+        self._others = [self._placed(*other) for other in others]
         boxes += [box for box, *_ in self._others]
         self._refresh(boxes)
 
@@ -136,7 +131,7 @@ class LayeredCostmap:
         if keep_out is not None and keep_out.shape != self._ground.cells.shape:
             what = f"zones of {keep_out.shape} cells on a map of {self._ground.cells.shape}"
             raise ConfigError(what, where="costmap", fix="draw both on one grid")
-        self._zones = keep_out
+        self._zones = None if keep_out is None else np.where(keep_out != 0, LETHAL, FREE).astype(np.uint8)
         if self._corner is not None:
             self._draw_ground()
             self._refresh([self._whole])
@@ -168,24 +163,27 @@ class LayeredCostmap:
         assert self._corner is not None
         self._static.fill(self._beyond)
         inside, there = _overlap(self._ground.cells.shape, self._shape, self._corner)
-        np.take(self._table, self._ground.cells[inside], out=self._static[there])
+        self._static[there] = self._drawn[inside]
         if self._zones is None:
             self._keep.fill(LETHAL if self._needed else FREE)
             return
         self._keep.fill(LETHAL)  # beyond the zones' map nobody knows what is allowed
-        self._keep[there] = np.where(self._zones[inside] != 0, LETHAL, FREE)
+        self._keep[there] = self._zones[inside]
 
     def _stand(self, footprint: Footprint, pose: Floats) -> Box:
         """Forget what scans say of the cells whose middle is under the robot; one that it only touches may stop it."""
-        placed, (west, south) = footprint.at(pose), self.origin.tolist()
-        stamp(self._seen, west, south, self.resolution, placed, footprint.radius, 0.0, FREE)
-        return self._box(footprint, pose)
+        box, placed, radius = self._placed(footprint, pose)
+        west, south = self.origin.tolist()
+        stamp(self._seen, west, south, self.resolution, placed, radius, 0.0, FREE)
+        return box
 
-    def _box(self, footprint: Footprint, pose: Floats) -> Box:
-        p, beyond = (footprint.at(pose) - self.origin) / self.resolution, footprint.radius / self.resolution
+    def _placed(self, footprint: Footprint, pose: Floats) -> tuple[Box, Floats, float]:
+        """A robot's outline and its radius, in the box of cells that it may touch."""
+        placed, radius = footprint.at(pose), footprint.radius
+        p, beyond = (placed - self.origin) / self.resolution, radius / self.resolution
         corners = np.clip([p.min(axis=0) - beyond, p.max(axis=0) + beyond + 1.0], -1e9, 1e9)
         (c0, r0), (c1, r1) = corners.astype(int).tolist()
-        return _within((r0 - 1, r1, c0 - 1, c1), self._shape)  # rounding towards zero is mended by one cell
+        return _within((r0 - 1, r1, c0 - 1, c1), self._shape), placed, radius  # astype rounds towards zero
 
     def _refresh(self, boxes: list[Box]) -> None:
         """Join the layers in every box, then inflate as far as that reaches."""
@@ -205,13 +203,14 @@ class LayeredCostmap:
 @kernel
 def join(static: Any, seen: Any, keep: Any, base: Any, r0: int, r1: int, c0: int, c1: int) -> None:
     """Costs of the rows r0..r1 and columns c0..c1 from the drawn map, what was seen and where nobody may go."""
+    lethal = np.uint8(LETHAL)
     for r in range(r0, r1):
-        drawn, told, barred, made = static[r], seen[r], keep[r], base[r]
-        for c in range(c0, c1):
+        drawn, told, barred, made = static[r, c0:c1], seen[r, c0:c1], keep[r, c0:c1], base[r, c0:c1]
+        for c in range(made.size):
             cost, s = drawn[c], told[c]
-            known = s != UNKNOWN and (cost == UNKNOWN or s > cost)
+            known = (s != UNKNOWN) & ((cost == UNKNOWN) | (s > cost))
             cost = s if known else cost
-            made[c] = barred[c] if barred[c] == LETHAL else cost
+            made[c] = lethal if barred[c] == lethal else cost
 
 
 def _shape(ground: Grid, window: float | None, margin: int) -> tuple[int, int]:

@@ -101,40 +101,43 @@ def enter_scan(
 
 @kernel
 def clear_beam(cells: Any, u: float, v: float, du: float, dv: float, length: float) -> None:
-    """Free every cell that a beam from (u, v) [cells] along the unit vector (du, dv) touches, but the one it ends in.
-
-    From one cell to the next across whichever boundary comes first (Amanatides and Woo 1987).
-    """
+    """Free the cells that a beam from (u, v) [cells] along the unit vector (du, dv) touches, but the one it ends in."""
     rows, cols = cells.shape
-    start, end = 0.0, length
-    if du != 0.0:
-        a, b = -u / du, (cols - u) / du
-        start, end = max(start, min(a, b)), min(end, max(a, b))
-    elif not 0.0 <= u < cols:
+    flat = cells.reshape(rows * cols)
+    if abs(du) >= abs(dv):
+        _clear(flat, cols, 1, rows, cols, u, v, du, dv, length)
+    else:
+        _clear(flat, rows, cols, cols, 1, v, u, dv, du, length)
+
+
+@kernel
+def _clear(
+    flat: Any, n: int, n_by: int, m: int, m_by: int, a: float, b: float, da: float, db: float, length: float
+) -> None:
+    """`clear_beam` along the axis a, of n cells that are n_by apart, that it goes along more than along b.
+
+    From one cell of a to the next, the beam is in one or in two neighbours along b: no choice is left to rounding.
+    """
+    t, end = -a / da, (n - a) / da
+    t, end = max(0.0, min(t, end)), min(length, max(t, end))
+    if db != 0.0:
+        t, end = max(t, min(-b / db, (m - b) / db)), min(end, max(-b / db, (m - b) / db))
+    elif not 0.0 <= b < m:
         return
-    if dv != 0.0:
-        a, b = -v / dv, (rows - v) / dv
-        start, end = max(start, min(a, b)), min(end, max(a, b))
-    elif not 0.0 <= v < rows:
+    if not t < end:
         return
-    if not start < end:
-        return
-    last_col, last_row = floor(u + length * du), floor(v + length * dv)
-    col = min(max(floor(u + start * du), 0), cols - 1)
-    row = min(max(floor(v + start * dv), 0), rows - 1)
-    t_col, every_col, by_col, t_row, every_row, by_row = inf, inf, 1, inf, inf, 1
-    if du != 0.0:
-        by_col = 1 if du > 0.0 else -1
-        t_col, every_col = (col + (du > 0.0) - u) / du, 1.0 / abs(du)
-    if dv != 0.0:
-        by_row = 1 if dv > 0.0 else -1
-        t_row, every_row = (row + (dv > 0.0) - v) / dv, 1.0 / abs(dv)
-    t = start
-    while t < end and not (col == last_col and row == last_row):
-        cells[row, col] = FREE
-        if t_col < t_row:
-            t, t_col, col = t_col, t_col + every_col, col + by_col
-        else:
-            t, t_row, row = t_row, t_row + every_row, row + by_row
-        if col < 0 or col >= cols or row < 0 or row >= rows:
-            return
+    by = 1 if da > 0.0 else -1
+    slope = db / da
+    i, i_last = min(max(floor(a + t * da), 0), n - 1), min(max(floor(a + end * da), 0), n - 1)
+    j, j_last = min(max(floor(b + t * db), 0), m - 1), min(max(floor(b + end * db), 0), m - 1)
+    i_hit, j_hit = floor(a + length * da), floor(b + length * db)
+    leaves = b + (i + (da > 0.0) - a) * slope
+    while i != i_last:
+        k = min(max(floor(leaves), 0), m - 1)
+        flat[i * n_by + j * m_by] = FREE
+        flat[i * n_by + k * m_by] = FREE
+        i, j, leaves = i + by, k, leaves + by * slope
+    if i != i_hit or j != j_hit:
+        flat[i * n_by + j * m_by] = FREE
+    if i != i_hit or j_last != j_hit:
+        flat[i * n_by + j_last * m_by] = FREE

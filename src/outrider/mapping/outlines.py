@@ -157,38 +157,38 @@ def stamp(
 
 @kernel
 def touches(outline: Floats, radius: float, x0: float, y0: float, x1: float, y1: float) -> bool:
-    """Whether a closed box comes within `radius` of a convex outline (n, 2), either way round.
+    """Whether a closed box comes within `radius` of a convex outline (n, 2), counter-clockwise.
 
-    They overlap unless one of their sides separates them; if they do not, a corner of one is what is nearest.
+    They overlap unless the box is beyond an edge of the outline, or the outline beyond a side of the box; if they do
+    not, a corner of one is what is nearest to the other.
     """
     n = outline.shape[0]
-    r2 = radius * radius
+    x, y, half_x, half_y = 0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.5 * (x1 - x0), 0.5 * (y1 - y0)
     low_x, high_x, low_y, high_y = inf, -inf, inf, -inf
+    beyond = n == 1
+    bx, by = outline[n - 1, 0], outline[n - 1, 1]
     for i in range(n):
-        px, py = outline[i, 0], outline[i, 1]
-        low_x, high_x, low_y, high_y = min(low_x, px), max(high_x, px), min(low_y, py), max(high_y, py)
-        gap_x, gap_y = max(x0 - px, px - x1, 0.0), max(y0 - py, py - y1, 0.0)
-        if gap_x * gap_x + gap_y * gap_y <= r2:
-            return True
+        ax, ay = outline[i, 0], outline[i, 1]
+        low_x, high_x, low_y, high_y = min(low_x, ax), max(high_x, ax), min(low_y, ay), max(high_y, ay)
+        ex, ey = ax - bx, ay - by
+        inmost = ex * (y - by) - ey * (x - bx) + abs(ex) * half_y + abs(ey) * half_x
+        beyond = beyond or inmost < 0.0
+        bx, by = ax, ay
+    if not (beyond or low_x > x1 or high_x < x0 or low_y > y1 or high_y < y0):
+        return True
     if low_x - radius > x1 or high_x + radius < x0 or low_y - radius > y1 or high_y + radius < y0:
         return False
-    apart = low_x > x1 or high_x < x0 or low_y > y1 or high_y < y0
-    for i in range(n if n > 1 else 0):
+    for i in range(n):
         ax, ay = outline[i, 0], outline[i, 1]
-        j = i + 1 if i + 1 < n else 0
-        ex, ey = outline[j, 0] - ax, outline[j, 1] - ay
-        low, high, low_own, high_own = inf, -inf, inf, -inf
-        for k in range(n):
-            side = ex * (outline[k, 1] - ay) - ey * (outline[k, 0] - ax)
-            low_own, high_own = min(low_own, side), max(high_own, side)
-        for k in range(4):
+        gap_x, gap_y = max(x0 - ax, ax - x1, 0.0), max(y0 - ay, ay - y1, 0.0)
+        if gap_x * gap_x + gap_y * gap_y <= radius * radius:
+            return True
+        for k in range(4 if radius > 0.0 else 0):
             px, py = (x0 if k & 1 == 0 else x1), (y0 if k & 2 == 0 else y1)
-            side = ex * (py - ay) - ey * (px - ax)
-            low, high = min(low, side), max(high, side)
-            if segment_distance(ax, ay, ex, ey, px, py) <= radius:
+            if segment_distance(ax, ay, bx - ax, by - ay, px, py) <= radius:
                 return True
-        apart = apart or low > high_own or high < low_own
-    return n > 1 and not apart
+        bx, by = ax, ay
+    return False
 
 
 @inlined
