@@ -1,10 +1,6 @@
 """What the tests of the engine share: filters for the simulated robots, their records, and runs of both drivers."""
 
-import sys
-from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
-from textwrap import fill
 
 import numpy as np
 
@@ -181,23 +177,3 @@ def delayed(log: EventLog, seconds: Floats | float, seed: int = 0) -> EventLog:
         order = np.argsort(arrival, kind="stable")
         streams.append(replace(s, t_arrival=arrival).select(order))
     return log.with_streams(*streams)
-
-
-def publish(name: str, title: str, text: str, header: tuple[str, ...], rows: Sequence[tuple[object, ...]]) -> Path:
-    """Write a table of evidence to docs/evidence/<name>.md and print it."""
-    lines = [
-        f"# {title}",
-        "",
-        *fill(text, 120).splitlines(),
-        "",
-        "Written by `make evidence`.",
-        "",
-        "| " + " | ".join(header) + " |",
-        "|" + "---|" * len(header),
-        *("| " + " | ".join(str(cell) for cell in row) + " |" for row in rows),
-    ]
-    path = Path(__file__).resolve().parents[2] / "docs" / "evidence" / f"{name}.md"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text("\n".join(lines) + "\n")
-    sys.stdout.write("\n".join(lines) + "\n")
-    return path

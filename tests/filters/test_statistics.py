@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from support import COMPILED, channel, prior, publish
+from support import COMPILED, channel, prior
 
 from outrider.core.manifold import local, retract
 from outrider.core.rotations import quat_exp, quat_multiply
@@ -49,6 +49,7 @@ from outrider.models.sensors import (
     simulate,
 )
 from outrider.typing import Floats
+from published import publish
 
 monte_carlo = pytest.mark.compiled
 DT, STEPS = 0.1, 80 if COMPILED else 5

@@ -25,12 +25,18 @@ def driven(vehicle: Vehicle, plan: list[tuple[float, tuple[float, ...]]], p: tup
     return rows
 
 
+def gap(ours: Floats, theirs: Floats) -> tuple[float, float, float]:
+    """Distance at the end [m], way [m], and difference in heading at the end [degrees]."""
+    way = np.linalg.norm(np.diff(ours[:, :3], axis=0), axis=1).sum()
+    turn = quats_to_rpy(ours[-1:, 3:7])[0, 2] - quats_to_rpy(theirs[-1:, 3:7])[0, 2]
+    off = float(np.linalg.norm(ours[-1, :3] - theirs[-1, :3]))
+    return off, float(way), abs(float(np.rad2deg((turn + np.pi) % (2 * np.pi) - np.pi)))
+
+
 def agree(ours: Floats, theirs: Floats) -> None:
     """Within 5 % of the way and 3 degrees at the end."""
-    way = np.linalg.norm(np.diff(ours[:, :3], axis=0), axis=1).sum()
-    assert np.linalg.norm(ours[-1, :3] - theirs[-1, :3]) <= max(0.05 * way, 0.01)
-    turn = quats_to_rpy(ours[-1:, 3:7])[0, 2] - quats_to_rpy(theirs[-1:, 3:7])[0, 2]
-    assert abs(np.rad2deg((turn + np.pi) % (2 * np.pi) - np.pi)) <= 3.0
+    off, way, turn = gap(ours, theirs)
+    assert off <= max(0.05 * way, 0.01) and turn <= 3.0
 
 
 GROUND = [
