@@ -16,9 +16,10 @@ from outrider.planning.traversal import Traversal
 from outrider.planning.workspace import Workspace
 from outrider.typing import Floats, Ints
 
-_SHIFT: Final = 29  # a bucket is 2^29 wide, 0.6 of a step over free ground
+_SHIFT: Final = 29
 _SLICE: Final = 20_000  # cells expanded between two looks at the clock
 _BLOCK: Final = 64  # rows looked at together
+_CLUTTER: Final = 0.1  # edges of taken things per cell from which on there are too many corners to jump between
 
 
 @final
@@ -26,16 +27,16 @@ _BLOCK: Final = 64  # rows looked at together
 class AStar:
     """A* search with the octile distance as its estimate; exact: no way in the grid is cheaper.
 
-    Where all cells are free or taken it looks along rows and diagonals instead of queueing cells (`jumps`): the same
-    cost in a fraction of the time.
+    Where all cells are free or taken, and not too cluttered, it looks along rows and diagonals instead of queueing
+    cells (`jumps`): the same cost in a fraction of the time.
 
-    traversal : see `Traversal`;  heuristic : off, it is Dijkstra's search;  jumps : off, cells are always queued;
-    workspace : memory, used again by the next plan, so one planner is for one thread.
+    traversal : see `Traversal`;  heuristic : off, it is Dijkstra's search;  jumps : never, always where the costs allow
+    it, or (None) where it pays;  workspace : memory, used again by the next plan, so one planner is for one thread.
     """
 
     traversal: Traversal = field(default_factory=Traversal)
     heuristic: bool = True
-    jumps: bool = True
+    jumps: bool | None = None
     workspace: Workspace = field(default_factory=Workspace)
 
     def plan(self, costmap: Costmap, start: Floats, goal: Floats, *, budget_s: float = np.inf) -> Path:
@@ -49,7 +50,7 @@ class AStar:
         if ends.outcome is not None:
             suggestion = ends.suggest(costmap, self.traversal)
             return Path(outcome=ends.outcome, suggestion=suggestion, seconds=perf_counter() - begun)
-        jumps = self.jumps and self.heuristic and _plain(costmap, self.traversal)
+        jumps = self._jumps(costmap)
         outcome = (self._jump if jumps else self._search)(costmap, ends, begun + budget_s)
         expanded = int(self.workspace.state[EXPANDED])
         if outcome is not PathOutcome.FOUND:
@@ -60,6 +61,13 @@ class AStar:
         length, cost = measure(costmap, self.traversal, points)
         seconds = perf_counter() - begun
         return Path(outcome=outcome, points=points, length=length, cost=cost, expanded=expanded, seconds=seconds)
+
+    def _jumps(self, costmap: Costmap) -> bool:
+        if self.jumps is False or not self.heuristic or not _plain(costmap, self.traversal):
+            return False
+        taken = costmap.cells[::16] >= INSCRIBED
+        edges = int(np.count_nonzero(taken[:, 1:] != taken[:, :-1]))
+        return self.jumps is True or edges < _CLUTTER * taken.size
 
     def _suggest(self, outcome: PathOutcome, costmap: Costmap, ends: Ends) -> Floats | None:
         if outcome is PathOutcome.NO_WAY:

@@ -69,10 +69,10 @@ def nearest_reachable(
     costmap: Costmap, traversal: Traversal, start: tuple[int, int], goal: tuple[int, int]
 ) -> Floats | None:
     """(2,) m: the middle of the cell nearest to the goal that some way from the start leads to."""
-    diagonal = 1 if traversal.corner_cutting else 0  # without cutting, whatever a diagonal reaches two straights do
-    rooms, _ = ndimage.label(
-        passable(costmap, traversal), structure=[[diagonal, 1, diagonal], [1, 1, 1], [diagonal, 1, diagonal]]
-    )
+    order = 2 if traversal.corner_cutting else 1  # without cutting, two straights reach whatever a diagonal does
+    rooms = np.empty(costmap.cells.shape, np.int32)
+    joined = ndimage.generate_binary_structure(2, order)
+    ndimage.label(passable(costmap, traversal), structure=joined, output=rooms)
     cell = nearest_cell(rooms == rooms[start], goal)
     return None if cell is None else costmap.centre_of(cell)
 
@@ -84,7 +84,7 @@ def nearest_cell(wanted: Bools, to: tuple[int, int]) -> Ints | None:
     reach = _WINDOW
     while True:
         south, west = max(row - reach, 0), max(col - reach, 0)
-        found = np.argwhere(wanted[south : row + reach + 1, west : col + reach + 1]) + (south, west)
+        found = np.argwhere(wanted[south : row + reach + 1, west : col + reach + 1]) + np.array([south, west])
         gap = np.hypot(*(found - to).T) if len(found) else np.zeros(0)
         everywhere = reach >= max(rows, cols)
         if len(found) and (everywhere or gap.min() <= reach):  # what is outside the window is further than that

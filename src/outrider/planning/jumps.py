@@ -1,4 +1,4 @@
-"""Jump point search: A* over free and taken cells that looks along rows and diagonals instead of queueing every cell."""
+"""Jump point search: A* over free and taken cells that looks along rows and diagonals instead of queueing cells."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,7 +64,7 @@ def _queue(
     ways[m] = bit if label < labels[m] else ways[m] | bit
     labels[m], parents[m] = label, parent
     bucket = ((label + estimate(row - goal_row, col - goal_col, UNIT, SLANT - UNIT)) >> shift) & (counts.size - 1)
-    count = counts[bucket] + 1
+    count = int(counts[bucket]) + 1
     queue[bucket * (queue.size // counts.size) + count - 1] = row << 32 | col << 3 | (d & 7)
     counts[bucket] = count
     return max(most, count)
@@ -89,17 +89,19 @@ def jump_search(
 ) -> int:
     """Expand up to `limit` jump points; as `search`, for cells that are free (0) or taken (1).
 
-    cutting : 1 if diagonal steps may cut corners, else 0;  ways : (n,) bits of the directions in which a cell was reached at its label: ways of equal cost that arrive
-    differently go on differently;  parents : (n,) of cells that have a label, by a diagonal and then a straight piece.
+    cutting : 1 if diagonal steps may cut corners, else 0;  ways : (n,) bits of the directions in which a cell was
+    reached at its label: ways of equal cost that arrive differently go on differently;  parents : (n,) of cells that
+    have a label, by a diagonal and then a straight piece.
 
     D. Harabor, A. Grastien, "Online graph pruning for pathfinding on grid maps", AAAI 2011; "Improving jump point
     search", ICAPS 2014 (what a diagonal finds to its sides is queued at once).
     """
-    at, expanded, south, north, best = state[AT], state[EXPANDED], state[SOUTH], state[NORTH], state[BEST]
+    at, expanded, best = int(state[AT]), int(state[EXPANDED]), int(state[BEST])
+    south, north = int(state[SOUTH]), int(state[NORTH])
     capacity, mask, goal = queue.size // counts.size, counts.size - 1, goal_row * width + goal_col
     most, end, outcome = capacity, expanded + limit, PAUSED
     while expanded < end:
-        count = counts[at & mask]
+        count = int(counts[at & mask])
         if count == 0:
             at = next_bucket(counts, at)
             if counts[at & mask] == 0 or (best >> shift) < at:
@@ -112,10 +114,10 @@ def jump_search(
                 outcome = FULL
                 break
         counts[at & mask] = count - 1
-        item = queue[(at & mask) * capacity + count - 1]
+        item = int(queue[(at & mask) * capacity + count - 1])
         row, col, d = item >> 32, (item >> 3) & 0x1FFFFFFF, item & 7
         c = row * width + col
-        label = labels[c]
+        label = int(labels[c])
         if not (ways[c] >> d) & 1:
             continue  # reached more cheaply since
         if best < 0 and label + estimate(row - goal_row, col - goal_col, UNIT, SLANT - UNIT) >= best:
@@ -155,11 +157,10 @@ def jump_search(
                 continue
             n, r, s, reached = c, row, col, label
             for run in range(1, REACH + 1):
-                if cells[n + around[e]] or (
-                    not cutting and (cells[n + around[e + 1]] or cells[n + around[e + 7]])
-                ):
+                if cells[n + around[e]] or (not cutting and (cells[n + around[e + 1]] or cells[n + around[e + 7]])):
                     break
-                n, r, s, reached = n + around[e], r + around[e + 24], s + around[e + 48], reached + SLANT
+                n, reached = n + int(around[e]), reached + SLANT
+                r, s = r + int(around[e + 24]), s + int(around[e + 48])
                 for f in range(e + 1, e + 8, 6):
                     k = _look(cells, n, around[f], around[f + 2], around[f] * cutting, goal)
                     if k:
@@ -190,5 +191,5 @@ def chain(parents: Ints, goal: int, start: int, out: Ints) -> int:
         k += 1
         if c == start:
             return k
-        c = parents[c]
+        c = int(parents[c])
     return -1
