@@ -35,7 +35,18 @@ _CACHE_SIZE = 1 << 23  # bytes that one process's kernels need on the disk, abou
 def _sources_stamp() -> str:
     """A short name that changes whenever one of our source files does (name, size and modification time)."""
     digest = hashlib.blake2s(f"{sys.version_info[:3]} {numba.__version__}".encode(), digest_size=8)
-    for layer in ("_kernel.py", "core", "models", "mapping", "safety", "planning", "filters", "sim", "eval"):
+    for layer in (
+        "_kernel.py",
+        "core",
+        "models",
+        "mapping",
+        "safety",
+        "planning",
+        "guidance",
+        "filters",
+        "sim",
+        "eval",
+    ):
         root = _PACKAGE / layer
         for path in sorted(root.rglob("*.py")) if root.is_dir() else [root]:
             stat = path.stat()

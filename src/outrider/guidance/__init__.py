@@ -1,0 +1,1 @@
+"""What a robot is to do next: missions and orders as pure transition functions."""

@@ -1,0 +1,148 @@
+"""The mission of one robot as a pure transition: it patrols, responds to alerts, observes, charges.
+
+There is no more to it than being there: "on scene" is the end of a task.
+"""
+
+from dataclasses import dataclass, replace
+from enum import Enum
+from typing import final
+
+from outrider.errors import ConfigError
+from outrider.typing import Floats
+
+
+class Duty(Enum):
+    """What a robot is about."""
+
+    PATROL = "it patrols"
+    RESPOND = "it is on its way to an alert"
+    OBSERVE = "it observes an alert"
+    CHARGE = "it is on its way to the dock, or charges"
+    STAND = "it stands: nowhere of its round can be reached"
+
+
+class Ended(Enum):
+    """How a response to an order ended."""
+
+    OBSERVED = "it was observed for as long as was asked"
+    CANCELLED = "it was cancelled"
+    TIMED_OUT = "the time for it ran out on the way"
+    UNREACHABLE = "the place from which to look cannot be reached"
+    REPLACED = "another order came in its place"
+    BATTERY = "the battery must be charged first"
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Order:
+    """Go and look. view : (3,) east, north [m] and heading [rad] to stand at;  until_s : when it is too late."""
+
+    alert: int
+    view: Floats
+    hold_s: float
+    until_s: float
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rules:
+    """When to charge. Shares of a full battery."""
+
+    low: float = 0.2
+    full: float = 0.95
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.low < self.full <= 1.0:
+            raise ConfigError(f"low {self.low:g}, full {self.full:g}", where="battery", fix="0 <= low < full <= 1")
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Situation:
+    """What a transition looks at.
+
+    t_s : s;  arrived : at the goal of the present duty;  unreachable : that goal, as the planner says;  battery : share
+    left;  order : one that has just come;  cancelled : numbers of alerts that are called off;  stops : of the round.
+    """
+
+    t_s: float
+    arrived: bool = False
+    unreachable: bool = False
+    battery: float = 1.0
+    order: Order | None = None
+    cancelled: tuple[int, ...] = ()
+    stops: int = 1
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mission:
+    """duty; the order it answers to; the stop of the round that is next, and how many in a row were out of reach;
+    since when it observes."""
+
+    duty: Duty = Duty.PATROL
+    order: Order | None = None
+    stop: int = 0
+    missed: int = 0
+    since_s: float = 0.0
+
+
+Report = tuple[int, Ended]
+"""An alert, and how the response to it ended."""
+
+
+def advance(m: Mission, s: Situation, rules: Rules = Rules()) -> tuple[Mission, tuple[Report, ...]]:
+    """The next state of a mission, and the responses that ended with it; every order taken ends exactly once."""
+    m, ended = _given_up(m, s)
+    if s.battery < rules.low and m.duty is not Duty.CHARGE:
+        m, more = _released(m, Ended.BATTERY)
+        return replace(m, duty=Duty.CHARGE), ended + more + _refused(s)
+    if m.duty is Duty.CHARGE:
+        return (replace(m, duty=Duty.PATROL, missed=0) if s.battery >= rules.full else m), ended + _refused(s)
+    if s.order is not None and s.order.alert not in s.cancelled:
+        m, more = _released(m, Ended.REPLACED)
+        return replace(m, duty=Duty.RESPOND, order=s.order, missed=0), ended + more
+    m, more = _gone_on(m, s)
+    return m, ended + more
+
+
+def _given_up(m: Mission, s: Situation) -> tuple[Mission, tuple[Report, ...]]:
+    """Orders that are called off or too late."""
+    if m.order is not None and m.order.alert in s.cancelled:
+        return _released(m, Ended.CANCELLED)
+    if m.order is not None and m.duty is Duty.RESPOND and s.t_s > m.order.until_s:
+        return _released(m, Ended.TIMED_OUT)
+    return m, ()
+
+
+def _gone_on(m: Mission, s: Situation) -> tuple[Mission, tuple[Report, ...]]:
+    """What follows from having arrived, or from not being able to."""
+    if m.order is not None and m.duty is Duty.RESPOND:
+        if s.unreachable:
+            return _released(m, Ended.UNREACHABLE)
+        return (replace(m, duty=Duty.OBSERVE, since_s=s.t_s) if s.arrived else m), ()
+    if m.order is not None and m.duty is Duty.OBSERVE:
+        return _released(m, Ended.OBSERVED) if s.t_s - m.since_s >= m.order.hold_s else (m, ())
+    if s.unreachable and m.missed + 1 >= s.stops:
+        return replace(m, duty=Duty.STAND, stop=_after(m, s), missed=0), ()
+    if s.unreachable:
+        return replace(m, duty=Duty.PATROL, stop=_after(m, s), missed=m.missed + 1), ()
+    if s.arrived:
+        return replace(m, duty=Duty.PATROL, stop=_after(m, s), missed=0), ()
+    return m, ()
+
+
+def _after(m: Mission, s: Situation) -> int:
+    return (m.stop + 1) % max(s.stops, 1)
+
+
+def _released(m: Mission, how: Ended) -> tuple[Mission, tuple[Report, ...]]:
+    """Back to the round, to the stop it was on its way to."""
+    if m.order is None:
+        return m, ()
+    return replace(m, duty=Duty.PATROL, order=None, missed=0), ((m.order.alert, how),)
+
+
+def _refused(s: Situation) -> tuple[Report, ...]:
+    """An order that comes while the robot has to charge."""
+    return ((s.order.alert, Ended.BATTERY),) if s.order is not None else ()
