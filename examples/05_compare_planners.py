@@ -16,7 +16,7 @@ from scipy.ndimage import distance_transform_edt
 from outrider.data.grid import INSCRIBED, LETHAL, Costmap
 from outrider.planning.astar import AStar
 from outrider.planning.dstar import DStarLite
-from outrider.planning.refine import Refined
+from outrider.planning.refine import Refined, resample
 from outrider.planning.sampling import SamplingPlanner
 
 SIDE, CELL = 400, 0.1  # cells, m
@@ -25,7 +25,7 @@ SIDE, CELL = 400, 0.1  # cells, m
 def yard(rng: np.random.Generator) -> Costmap:
     """Blocks of 1 m, dear ground around them."""
     taken = np.zeros((SIDE, SIDE), bool)
-    for row, col in rng.integers(20, SIDE - 30, (SIDE * SIDE // 2000, 2)):
+    for row, col in rng.integers(20, SIDE - 30, (SIDE * SIDE // 800, 2)):
         taken[row : row + 10, col : col + 10] = True
     away = distance_transform_edt(~taken) * CELL
     cost = np.where(away <= 0.3, INSCRIBED, 252 * np.exp(-3.0 * (away - 0.3)))
@@ -57,8 +57,7 @@ def main() -> None:
         begun = perf_counter()
         path = planner.plan(grid, start, goal)
         first = perf_counter() - begun
-        here = path.points[np.searchsorted(np.cumsum(np.hypot(*np.diff(path.points, axis=0).T)), 3.0)]
-        row, col = grid.cell_of(here)
+        row, col = grid.cell_of(resample(path.points, CELL)[30])
         blocked = grid.cells.copy()
         blocked[row - 4 : row + 5, col - 4 : col + 5] = LETHAL
         begun = perf_counter()

@@ -6,7 +6,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "evidence" / "recordings.md"
-PARTS = ("husky", "outages", "replay", "copter", "flights", "plaza", "highway")
+PARTS = ("husky", "outages", "replay", "copter", "flights", "plaza", "highway", "plans")
 INTRODUCTION = """# Real recordings
 
 Written by `make evidence` (or `pytest -m evidence tests/evidence`), which also asserts every bound. One default set of
