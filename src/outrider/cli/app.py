@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from outrider.cli import mapping as maps
 from outrider.cli import parse
 from outrider.cli.options import (
     FOLDER,
@@ -294,6 +295,9 @@ def run_command(
         name, settings=settings or (), seed=seed, duration=duration, output=output, dry_run=dry_run, force=force,
         report=report, film=film or 0.0, json=json, quiet=quiet,
     )  # fmt: skip
+
+
+app.command("map", short_help=maps.ABOUT)(maps.map_command)
 
 
 @app.command(short_help="Show the tables of the papers beside ours.")

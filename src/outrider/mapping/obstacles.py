@@ -84,7 +84,7 @@ def enter_scan(
         if r >= blind:
             r = min(r / resolution, clear)
             du, dv = cos(heading + bearings[i]), sin(heading + bearings[i])
-            clear_beam(cells, u, v, du, dv, r)
+            trace(cells, u, v, du, dv, r, FREE, False)
             low_u, high_u = min(low_u, u + r * du), max(high_u, u + r * du)
             low_v, high_v = min(low_v, v + r * dv), max(high_v, v + r * dv)
     for i in range(ranges.size):
@@ -100,21 +100,32 @@ def enter_scan(
 
 
 @kernel
-def clear_beam(cells: Any, u: float, v: float, du: float, dv: float, length: float) -> None:
-    """Free the cells that a beam from (u, v) [cells] along the unit vector (du, dv) touches, but the one it ends in."""
+def trace(cells: Any, u: float, v: float, du: float, dv: float, length: float, value: int, to_the_end: bool) -> None:
+    """Set the cells that a beam from (u, v) [cells] along the unit vector (du, dv) touches; the last only on demand."""
     rows, cols = cells.shape
     flat = cells.reshape(rows * cols)
     if abs(du) >= abs(dv):
-        _clear(flat, cols, 1, rows, cols, u, v, du, dv, length)
+        _trace(flat, cols, 1, rows, cols, u, v, du, dv, length, value, to_the_end)
     else:
-        _clear(flat, rows, cols, cols, 1, v, u, dv, du, length)
+        _trace(flat, rows, cols, cols, 1, v, u, dv, du, length, value, to_the_end)
 
 
 @kernel
-def _clear(
-    flat: Any, n: int, n_by: int, m: int, m_by: int, a: float, b: float, da: float, db: float, length: float
+def _trace(
+    flat: Any,
+    n: int,
+    n_by: int,
+    m: int,
+    m_by: int,
+    a: float,
+    b: float,
+    da: float,
+    db: float,
+    length: float,
+    value: int,
+    to_the_end: bool,
 ) -> None:
-    """`clear_beam` along the axis a, of n cells that are n_by apart, that it goes along more than along b.
+    """`trace` along the axis a, of n cells that are n_by apart, that it goes along more than along b.
 
     From one cell of a to the next, the beam is in one or in two neighbours along b: no choice is left to rounding.
     """
@@ -134,10 +145,10 @@ def _clear(
     leaves = b + (i + (da > 0.0) - a) * slope
     while i != i_last:
         k = min(max(floor(leaves), 0), m - 1)
-        flat[i * n_by + j * m_by] = FREE
-        flat[i * n_by + k * m_by] = FREE
+        flat[i * n_by + j * m_by] = value
+        flat[i * n_by + k * m_by] = value
         i, j, leaves = i + by, k, leaves + by * slope
-    if i != i_hit or j != j_hit:
-        flat[i * n_by + j * m_by] = FREE
-    if i != i_hit or j_last != j_hit:
-        flat[i * n_by + j_last * m_by] = FREE
+    if to_the_end or i != i_hit or j != j_hit:
+        flat[i * n_by + j * m_by] = value
+    if to_the_end or i != i_hit or j_last != j_hit:
+        flat[i * n_by + j_last * m_by] = value
