@@ -6,6 +6,8 @@ from pathlib import Path
 import pytest
 
 from outrider.errors import ExitCode
+from outrider.io.control_points import ControlPoints
+from outrider.io.sites import SECTIONS, SiteSection, parse_site
 from outrider.scenarios.build import build
 from outrider.scenarios.files import parse_scenario
 from outrider.scenarios.parts import FAULTS, PLACES, SENSORS, VEHICLES
@@ -37,6 +39,10 @@ def test_configurations_in_the_documentation_are_valid() -> None:
             data = yaml.safe_load(block)
             if "team" in data:
                 build(parse_scenario(data, str(page)))
+            elif "roads" in data:
+                parse_site(data)
+            elif "points" in data:
+                ControlPoints.model_validate(data)
             elif "streams" not in data:  # a mapping for a CSV
                 parse_config(data, str(page))
 
@@ -46,6 +52,12 @@ def test_every_type_of_a_scenario_is_listed_and_no_other() -> None:
     told = {name: re.findall(r"`(\w+)`", row) for name, row in re.findall(r"^\| (\w+) \| (`.*) \|$", text, flags=re.M)}
     for name, registry in (("place", PLACES), ("vehicle", VEHICLES), ("sensor", SENSORS), ("fault", FAULTS)):
         assert told[name] == list(registry), name
+
+
+def test_every_part_of_a_drawing_is_listed() -> None:
+    text = (ROOT / "docs" / "how-to-map-a-site.md").read_text()
+    assert set(re.findall(r"^\| `(\w+)` \|", text, flags=re.M)) == set(SiteSection.model_fields)
+    assert set(SECTIONS) <= set(SiteSection.model_fields)
 
 
 def test_exit_codes() -> None:

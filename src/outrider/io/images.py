@@ -11,7 +11,7 @@ from outrider.errors import DataError
 from outrider.io.files import ensure_readable
 from outrider.typing import Floats
 
-LARGEST: Final = 1 << 28  # pixels
+LARGEST: Final = 1 << 27  # pixels, as many as a drawing may become
 
 
 def read_image(path: Path) -> NDArray[np.uint8]:
@@ -29,15 +29,15 @@ def read_image(path: Path) -> NDArray[np.uint8]:
         with image:
             wide, high = image.size
             if wide * high > LARGEST:
-                what = f"has {wide} x {high} pixels, more than {LARGEST}"
-                raise DataError(what, where=str(path), fix="cut out the part that is driven on, or make it coarser")
+                raise Image.DecompressionBombError
             if image.mode in ("I;16", "I;16B", "I"):
                 return np.rint(np.asarray(image, np.float64) / 257.0).astype(np.uint8)[:, :, None]
             alpha = image.mode in ("LA", "PA", "RGBA", "La", "RGBa") or "transparency" in image.info
             mode = ("LA" if alpha else "L") if image.mode in ("1", "L", "LA") else ("RGBA" if alpha else "RGB")
             pixels = np.array(image.convert(mode), np.uint8)
     except Image.DecompressionBombError:
-        raise DataError("has too many pixels", where=str(path), fix="make it coarser") from None
+        what = f"has more than {LARGEST / 1e6:.0f} million pixels"
+        raise DataError(what, where=str(path), fix="cut out the part that is driven on, or make it coarser") from None
     except UnidentifiedImageError:
         raise DataError("is no image that can be read", where=str(path), fix="PGM or PNG") from None
     except (OSError, ValueError, SyntaxError, EOFError) as e:

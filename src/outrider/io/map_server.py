@@ -214,11 +214,16 @@ def anchor_dict(anchor: Anchor) -> dict[str, float]:
     """An anchor with the keys of a file."""
     d = anchor.datum
     return {
-        "lat_deg": degrees(d.lat),
-        "lon_deg": degrees(d.lon),
+        "lat_deg": written_deg(d.lat),
+        "lon_deg": written_deg(d.lon),
         "alt_m": d.alt,
-        "heading_deg": degrees(anchor.heading),
+        "heading_deg": written_deg(anchor.heading),
     }
+
+
+def written_deg(angle: float) -> float:
+    """An angle [rad] in degrees as somebody would have written it: 12 decimals, so 52.5 stays 52.5."""
+    return round(degrees(angle), 12)
 
 
 def require_map(path: Path) -> None:

@@ -112,6 +112,8 @@ def _classified(path: Path) -> tuple[list[_Drawn], Counter[str]]:
             continue
         with located(path, k, name):
             parts = _parts(geometry)
+            if not parts or not all(parts):
+                raise DataError("has no coordinates")
             for ring in (r for part in parts for r in part):
                 _require_lon_lat(ring)
         drawn.append(_Drawn(k, kind, name, geometry["type"], parts, told))

@@ -1,7 +1,7 @@
 """Drawings of sites: YAML in metres, and GeoJSON in degrees (`io.site_geojson`)."""
 
 from collections.abc import Mapping, Sequence
-from math import degrees, inf, isfinite, radians
+from math import inf, isfinite, radians
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -13,7 +13,7 @@ from outrider.data.site import Dock, Shape, ShapeKind, Site
 from outrider.errors import ConfigError, DataError, OutriderError, UsageError
 from outrider.io.checked import Flag, Number, fault_at, validated
 from outrider.io.config import read_yaml, yaml_text
-from outrider.io.map_server import AnchorSection, anchor_dict
+from outrider.io.map_server import AnchorSection, anchor_dict, written_deg
 
 YAML_ENDINGS: Final = (".yaml", ".yml")
 JSON_ENDINGS: Final = (".geojson", ".json")
@@ -140,7 +140,7 @@ def site_text(site: Site) -> str:
         out["routes"] = _described_routes(site.routes)
     if site.docks:
         told = [(d.name, d.pose.tolist()) for d in site.docks]
-        out["docks"] = [{"name": n, "at": p[:2], "heading_deg": degrees(p[2])} for n, p in told]
+        out["docks"] = [{"name": n, "at": p[:2], "heading_deg": written_deg(p[2])} for n, p in told]
     return yaml_text(out)
 
 
@@ -213,7 +213,7 @@ def _described(s: Shape) -> dict[str, Any]:
     else:
         out |= {"line": s.points.tolist(), "width": s.width}
     out |= {"speed": s.speed} if isfinite(s.speed) else {}
-    out |= {"heading_deg": degrees(s.heading)} if s.kind is ShapeKind.ONE_WAY else {}
+    out |= {"heading_deg": written_deg(s.heading)} if s.kind is ShapeKind.ONE_WAY else {}
     return out | ({"open": True} if s.open else {})
 
 

@@ -18,7 +18,7 @@ from outrider.mapping.raster import covered
 from outrider.mapping.zones import Zones
 from outrider.typing import Bools, Floats
 
-LARGEST: Final = 1 << 28  # cells: a quarter of a gigabyte
+LARGEST: Final = 1 << 27  # cells: what is written can be read
 _HAIR: Final = 1e-6  # m: what is drawn along the boundary of cells covers those on its own side only
 
 

@@ -25,7 +25,8 @@ Json = dict[str, Any]
 SHOWN: Final = 1600  # cells of the longer side that are drawn
 NEAR, FAR = "#d9822b", "#fdf6ec"  # cost just below inscribed, and next to none
 TAKEN, TOO_NEAR, UNSEEN = "#1c2530", "#8a4b1f", "#c9d1d9"
-GREEN, YELLOW, PINK, BROWN = SOURCES[0], SOURCES[1], SOURCES[2], SOURCES[3]
+_PLATE: Final = {"facecolor": PAPER, "alpha": 0.75, "edgecolor": "none", "pad": 1.0}
+GREEN, YELLOW, PINK = SOURCES[:3]
 
 
 def _colours() -> ListedColormap:
@@ -94,9 +95,9 @@ def _drawn(ax: Axes, site: Site) -> list[Any]:
             handles.append(Patch(facecolor=(colour, 0.25), edgecolor=colour, label=name))
     for gate in site.of(ShapeKind.GATE):
         p = gate.points
-        ax.plot(p[:, 0], p[:, 1], color=GREEN if gate.open else REJECTED, lw=2.4, marker="o", ms=3, zorder=5)
-    if site.of(ShapeKind.GATE):
-        handles.append(Line2D([], [], color=GREEN, lw=2.4, label="open gate"))
+        colour, name = (GREEN, "open gate") if gate.open else (REJECTED, "closed gate")
+        ax.plot(p[:, 0], p[:, 1], color=colour, lw=2.4, marker="o", ms=3, zorder=5)
+        handles.append(Line2D([], [], color=colour, lw=2.4, label=name))
     if site.routes is not None:
         handles.append(_routes(ax, site))
     for dock in site.docks:
@@ -132,7 +133,9 @@ def _zone(ax: Axes, shape: Shape, colour: str) -> None:
         ax.plot(shape.points[:, 0], shape.points[:, 1], color=colour, lw=2.0, zorder=4)
     x, y = shape.points.mean(axis=0).tolist()
     words = [shape.name, f"{shape.speed:g} m/s" if np.isfinite(shape.speed) else ""]
-    ax.annotate(label(" ".join(w for w in words if w)), (x, y), ha="center", fontsize=7.5, color=INK, zorder=8)
+    ax.annotate(
+        label(" ".join(w for w in words if w)), (x, y), ha="center", fontsize=7.5, color=INK, zorder=8, bbox=_PLATE
+    )
     if shape.kind is ShapeKind.ONE_WAY:
         d = 0.25 * float(np.ptp(shape.points, axis=0).max()) * np.array([np.cos(shape.heading), np.sin(shape.heading)])
         ax.annotate("", (x + d[0], y + d[1]), (x - d[0], y - d[1]),
