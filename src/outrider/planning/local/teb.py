@@ -1,0 +1,231 @@
+"""Timed elastic band: poses and times, optimised together, in several ways around things.
+
+Source: amr2025 (19)-(22); Roesmann et al. 2012 and 2017 for terms and classes. What differs from the usual form: see
+`terms`, and `docs/how-to-drive.md`.
+"""
+
+from dataclasses import dataclass, field, replace
+from typing import final
+
+import numpy as np
+
+from outrider.core.angles import wrap
+from outrider.data.driving import Conflict, DriveLimits, LocalOutcome, LocalPlan, Situation, Steering
+from outrider.data.footprint import Footprint
+from outrider.errors import ConfigError
+from outrider.planning.local.bands import along, resumed
+from outrider.planning.local.cover import cover
+from outrider.planning.local.fallback import Blocked, answer
+from outrider.planning.local.guide import near
+from outrider.planning.local.optimise import optimise
+from outrider.planning.local.problem import Problem, Weights, Work, workspace
+from outrider.planning.local.ways import obstacles_near, same, signature, ways
+from outrider.safety.clearance import UNMAPPED, Around, Body, Clash, around, body_of, clash
+from outrider.safety.stopping import saturated, smoothed
+from outrider.typing import Floats
+
+NO_POINTS = np.empty((0, 2))
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TebSettings:
+    """What physics does not say.
+
+    step : m between knots at full speed, and dt : s at the most;  period : s between answers;  reach : m of path that is looked at;  gap : m wanted to
+    obstacles;  spare : m below which a trajectory counts as blocked;  horizon : s for which others are believed to
+    keep their velocity;  capacity : knots;  ways : at most so many are compared;  explore : s between looking for other
+    ways;  keep : s and share of the time by which another way must be better;  dear : s that passing something without
+    a gap costs in the comparison;  xy, yaw : m and rad within which a goal is reached.
+    """
+
+    step: float = 0.16
+    dt: float = 0.3
+    period: float = 0.1
+    reach: float = 8.0
+    gap: float = 0.3
+    spare: float = 0.02
+    horizon: float = 4.0
+    capacity: int = 240
+    ways: int = 4
+    explore: float = 0.5
+    keep: tuple[float, float] = (0.5, 0.1)
+    dear: float = 4.0
+    xy: float = 0.03
+    yaw: float = 0.05
+    share: float = 0.98  # of the limits that is planned with
+    weights: Weights = Weights()
+
+    def __post_init__(self) -> None:
+        for name in ("step", "dt", "period", "reach", "gap", "horizon", "explore", "xy", "yaw", "share"):
+            if not 0.0 < getattr(self, name) < np.inf:
+                raise ConfigError(f"{name} of {getattr(self, name)}", where="teb", fix="a positive number")
+        if self.capacity < 20 or self.ways < 1:
+            fix = "at least 20 knots and one way"
+            raise ConfigError(f"capacity {self.capacity}, ways {self.ways}", where="teb", fix=fix)
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Band:
+    """An optimised band, what its check says, and what it is worth [s]."""
+
+    z: Floats
+    clash: Clash
+    value: float
+    iterations: int
+    other: bool = False  # of another class than the one from before
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Teb:
+    """A `LocalPlanner`: the band from before and new ways around things, optimised; the best that is free is driven.
+
+    Answers depend on the arguments only. One instance serves one thread: its scratch is reused.
+    """
+
+    limits: DriveLimits
+    footprint: Footprint
+    settings: TebSettings = TebSettings()
+    _work: Work = field(init=False, repr=False, compare=False)
+    _discs: Floats = field(init=False, repr=False, compare=False)
+    _body: Body = field(init=False, repr=False, compare=False)
+    _rows: Floats = field(init=False, repr=False, compare=False)
+    _dt: float = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_work", workspace(self.settings.capacity))
+        object.__setattr__(self, "_discs", cover(self.footprint))
+        object.__setattr__(self, "_body", body_of(self.footprint))
+        object.__setattr__(self, "_rows", self.limits.rows)
+        object.__setattr__(self, "_dt", min(self.settings.dt, self.settings.step / self.limits.forward))
+
+    def plan(self, now: Situation, last: LocalPlan | None = None) -> LocalPlan:
+        """See `LocalPlanner`."""
+        # a robot that stands at its goal stays
+        if self._arrived(now, last):
+            return LocalPlan(outcome=LocalOutcome.ARRIVED, time=now.time, twist=np.zeros(3))
+        # the next metres of the path
+        here = near(now, self.settings.reach)
+        around_ = around(here.surroundings, self.settings.horizon)
+        problem = self._problem(here, around_)
+        # the band from before, from here on
+        kept = None if last is None else resumed(last.band, now.time - last.time, here)
+        current = None if kept is None else self._optimised(kept, problem, around_, passes=2, iterations=12)
+        # other ways, now and then, and whenever this one is blocked
+        explored = last.explored if last is not None else -np.inf
+        bands = [] if current is None else [current]
+        stalled = current is not None and last is not None and _stalled(current, now, last)
+        due = now.time - explored >= self.settings.explore
+        if current is None or not current.clash.free or due or stalled:
+            bands += self._others(here, problem, around_, current, again=stalled)
+            explored = now.time
+        # the best of them, in doubt the one from before
+        best = self._chosen(bands, current)
+        plan = LocalPlan(
+            outcome=LocalOutcome.DRIVE,
+            time=now.time,
+            twist=self._command(best.z, here),
+            band=best.z,
+            clearance=best.clash.room,
+            classes=len(bands),
+            switched=best.other,
+            iterations=sum(b.iterations for b in bands),
+            explored=explored,
+            conflict=None if best.clash.free else _conflict(best),
+        )
+        # what the robot can still do if the way is blocked
+        return answer(Blocked(self.limits, self.settings.period, self._body, around_), here, plan, last)
+
+    def _arrived(self, now: Situation, last: LocalPlan | None) -> bool:
+        if now.through:
+            return False
+        s = self.settings
+        was = last is not None and last.outcome is LocalOutcome.ARRIVED
+        wide = 2.0 if was else 1.0  # a robot that has arrived does not twitch
+        off, turned = np.hypot(*(now.goal[:2] - now.pose[:2])), abs(wrap(float(now.goal[2] - now.pose[2])))
+        slow = np.hypot(now.twist[0], now.twist[1]) < 0.1 and abs(now.twist[2]) < 0.2
+        return bool(off < wide * s.xy and turned < wide * s.yaw and slow)
+
+    def _problem(self, now: Situation, a: Around) -> Problem:
+        s, limits = self.settings, self.limits
+        axes = (1.0 / limits.acceleration, 1.0 / limits.acceleration, 1.0 / limits.turn_acceleration)
+        return Problem(
+            weights=s.weights, dt=self._dt, share=s.share, top=limits.forward,
+            holonomic=limits.steering is Steering.HOLONOMIC, radius=1.1 * limits.min_radius, through=now.through,
+            gap=s.gap, horizon=s.horizon, west=a.west, south=a.south, resolution=a.resolution, rows=self._rows,
+            rates=np.vstack([np.diag(axes), now.twist]), discs=self._discs, obstacles=a.discs, field=a.field,
+            path=now.path, vias=NO_POINTS,
+        )  # fmt: skip
+
+    def _optimised(self, z: Floats, p: Problem, a: Around, *, passes: int, iterations: int) -> Band:
+        w, s = self._work, self.settings
+        n = min(len(z), s.capacity)
+        w.z[0, :n] = z[:n]
+        w.z[0, n - 1] = z[-1]
+        n, _, used = optimise(n, p, w, passes, iterations, 2e-4)
+        out = w.z[0, :n].copy()
+        hit = clash(out, self._body, a, s.spare)
+        tight = max(1.0 - max(hit.room, 0.0) / s.gap, 0.0)
+        return Band(out, hit, float(out[-1, 3]) + s.dear * tight + (1e3 if not hit.free else 0.0), used)
+
+    def _others(
+        self, now: Situation, p: Problem, a: Around, current: Band | None, *, again: bool
+    ) -> list[Band]:
+        """Bands of other classes than the current one, each from the polyline that shows the way; `again`: its, too."""
+        s = self.settings
+        marks = obstacles_near(now.path, a.discs, now.surroundings.field, self.limits.forward)
+        seen = [] if current is None else [signature(current.z, marks)]
+        lines = ways(now.path, marks, self.footprint.inscribed + s.spare, 0.5 * s.gap, s.ways) or [now.path]
+        out = list[Band]()
+        for line in lines:
+            mark = signature(line, marks)
+            if any(same(mark, other) for other in seen):
+                continue
+            start = along(line, now, self.limits, self._dt, s.capacity)
+            fresh = self._optimised(start, p, a, passes=3, iterations=25)
+            out.append(replace(fresh, other=current is not None))
+            seen.append(mark)
+        if current is not None and (again or not (out or current.clash.free)):  # the same way, from scratch
+            line = next((x for x in lines if same(signature(x, marks), seen[0])), lines[0])
+            start = along(line, now, self.limits, self._dt, s.capacity)
+            out.append(self._optimised(start, p, a, passes=3, iterations=25))
+        return out
+
+    def _chosen(self, bands: list[Band], current: Band | None) -> Band:
+        """The least value; another class than the current one only if it is clearly better."""
+        seconds, share = self.settings.keep
+        stay = current is not None and current.clash.free
+        return min(bands, key=lambda b: (b.value + seconds) / (1.0 - share) if b.other and stay else b.value)
+
+    def _command(self, z: Floats, now: Situation) -> Floats:
+        """The twist one period ahead, between the twist now and those in the middle of the steps; within limits."""
+        steps = np.diff(z[:, 3])
+        turned = np.array([wrap(float(d)) for d in np.diff(z[:3, 2])])
+        middle = z[: len(turned), 2] + 0.5 * turned
+        d = np.diff(z[: len(turned) + 1, :2], axis=0)
+        c, s = np.cos(middle), np.sin(middle)
+        bend = np.sinc(0.5 * turned / np.pi)  # arc to chord
+        u = np.column_stack([(c * d[:, 0] + s * d[:, 1]) / bend, (c * d[:, 1] - s * d[:, 0]) / bend, turned])
+        u = np.vstack([now.twist, u / steps[: len(turned), None]])
+        t = np.array([0.0, 0.5 * steps[0], steps[0] + 0.5 * steps[1]])
+        want = np.array([np.interp(self.settings.period, t, u[:, k]) for k in range(3)])
+        want = saturated(want, self.limits)
+        return saturated(smoothed(want, now.twist, self.limits, self.settings.period), self.limits)
+
+
+def _stalled(current: Band, now: Situation, last: LocalPlan) -> bool:
+    """Whether the goal came nearer in time by less than half of the time that passed: a band that puts off its start."""
+    return float(current.z[-1, 3]) > last.duration - 0.5 * (now.time - last.time)
+
+
+def _conflict(b: Band) -> Conflict:
+    hit = b.clash
+    knot = min(hit.knot + 1, len(b.z) - 1)
+    share = (hit.time - b.z[hit.knot, 3]) / max(b.z[knot, 3] - b.z[hit.knot, 3], 1e-9)
+    pose = b.z[hit.knot, :3] + min(share, 1.0) * (b.z[knot, :3] - b.z[hit.knot, :3])
+    pose[2] = b.z[hit.knot, 2]
+    return Conflict(hit.knot, pose, hit.time, hit.obstacle, np.array([hit.x, hit.y]))
+
+
