@@ -109,7 +109,9 @@ def test_a_wall_in_the_map_is_driven_around() -> None:
 def test_somebody_who_crosses_is_let_past_or_passed() -> None:
     for speed in (-1.4, -0.7, 0.5, 1.4):
         discs = np.array([[3.0, -3.0 * np.sign(speed), 0.3, 0.0, speed]])
-        plans, _, least = drive(teb(DIFFERENTIAL), situation((6.0, 0.0, 0.0), surroundings=Surroundings(discs=discs)), 30.0)
+        plans, _, least = drive(
+            teb(DIFFERENTIAL), situation((6.0, 0.0, 0.0), surroundings=Surroundings(discs=discs)), 30.0
+        )
         assert plans[-1].outcome is LocalOutcome.ARRIVED
         assert least > 0.0
 
@@ -119,7 +121,7 @@ def test_obstacles_that_jitter_do_not_change_the_side() -> None:
     discs = np.array([[3.0, 0.0, 0.3, 0.0, 0.0]])
     start = situation((6.0, 0.0, 0.0), surroundings=Surroundings(discs=discs))
     for seed in range(3):
-        plans, poses, least = drive(teb(DIFFERENTIAL), start, 20.0, jitter=0.04, seed=seed)
+        plans, _poses, least = drive(teb(DIFFERENTIAL), start, 20.0, jitter=0.04, seed=seed)
         assert plans[-1].outcome is LocalOutcome.ARRIVED
         assert not any(p.switched for p in plans)
         assert least > 0.0
@@ -201,7 +203,7 @@ def same_cost(p, z: ca.SX, n: int) -> ca.SX:
     for k in range(n):
         tau = z[min(k + 1, n - 1), 3] - z[max(k - 1, 0), 3]
         for axis in range(3):
-            y = p.rates[axis, axis] * 2.0 * (u[k + 1][axis] - u[k][axis]) / tau
+            y = 2.0 / tau * sum(p.rates[axis, q] * (u[k + 1][q] - u[k][q]) for q in range(3))
             cost += p.dt * w.acceleration * hinge(ca.fabs(y) - p.share) ** 2
     for i in range(1, n):
         tau = 0.5 * (z[min(i + 1, n - 1), 3] - z[i - 1, 3])

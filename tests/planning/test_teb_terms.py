@@ -26,7 +26,9 @@ def test_a_term_and_its_derivatives(name: str) -> None:
     for _ in range(60):
         v = rng.uniform(-1.5, 1.5, TERMS[name].size)
         r, g = residual(name, v)
-        numeric = np.array([residual(name, v + h * e)[0] - residual(name, v - h * e)[0] for e in np.eye(v.size)]) / (2 * h)
+        numeric = np.array([residual(name, v + h * e)[0] - residual(name, v - h * e)[0] for e in np.eye(v.size)]) / (
+            2 * h
+        )
         active += bool(np.abs(g).max() > 0.0)
         assert np.isfinite(r)
         np.testing.assert_allclose(g, numeric, atol=2e-7)

@@ -67,7 +67,7 @@ class DriveLimits:
 
     @property
     def rows(self) -> Floats:
-        """(m, 5) the velocity set: low <= a u_x + b u_y + c w_z <= high, in shares of each limit: a, b, c, low, high."""
+        """(m, 5) the velocity set, low <= a u_x + b u_y + c w_z <= high: a, b, c, low, high, in shares of limits."""
         back = self.backward / self.forward
         out = [(1.0 / self.forward, 0.0, 0.0, -back, 1.0), (0.0, 0.0, 1.0 / self.turn, -1.0, 1.0)]
         if self.sideways > 0.0:
@@ -75,6 +75,14 @@ class DriveLimits:
         if np.isfinite(self.rim_speed):
             out += [(*(rim / self.rim_speed), -1.0, 1.0) for rim in self.rims]
         return np.array(out)
+
+    @property
+    def axes(self) -> Floats:
+        """(3, 3) rows a with |a . du/dt| <= 1. A holonomic base gains nothing by accelerating at a slant."""
+        a, w = 1.0 / self.acceleration, 1.0 / self.turn_acceleration
+        if self.steering is Steering.HOLONOMIC:
+            return np.array([[a, a, 0.0], [a, -a, 0.0], [0.0, 0.0, w]])
+        return np.diag([a, a, w])
 
     def excess(self, twist: Floats) -> float:
         """The largest share of a limit that a twist (3,) asks for: at most 1 for one that is allowed."""

@@ -54,7 +54,8 @@ def room(b: Body, a: Around, x: float, y: float, heading: float, t: float) -> tu
     """Distance [m] from the footprint to the nearest thing at time t, negative if it touches; which, and where.
 
     Discs are exact. A taken cell counts as the disc around it, 0.2 cells more than it is at the most. Which: the row
-    of the disc, -1 for a cell. Beyond the map everything is free.
+    of the disc, -1 for a cell. Beyond the map everything is free. Of
+    cells further than STRIDE away the distance is a lower bound.
     """
     c, s = cos(heading), sin(heading)
     best, which, px, py = inf, -1, 0.0, 0.0
@@ -76,7 +77,7 @@ def room(b: Body, a: Around, x: float, y: float, heading: float, t: float) -> tu
     far = a.field[v, u] - 2.0 * half - b.circumscribed  # from anywhere in this cell
     if far >= min(best, STRIDE):
         return min(best, far), which if best <= far else -1, px, py
-    span = int(ceil((b.circumscribed + 2.0 * half + STRIDE) / a.resolution))
+    span = ceil((b.circumscribed + 2.0 * half + STRIDE) / a.resolution)
     for row in range(max(v - span, 0), min(v + span + 1, rows)):
         for col in range(max(u - span, 0), min(u + span + 1, cols)):
             if a.field[row, col] > 0.0:
@@ -92,9 +93,7 @@ def room(b: Body, a: Around, x: float, y: float, heading: float, t: float) -> tu
 
 
 @kernel
-def first_conflict(
-    z: Floats, n: int, b: Body, a: Around, spare: float
-) -> tuple[int, float, float, int, float, float]:
+def first_conflict(z: Floats, n: int, b: Body, a: Around, spare: float) -> tuple[int, float, float, int, float, float]:
     """Along the poses z (n, 4) x, y, heading, time: where the footprint first has less than `spare` of room.
 
     Returns the knot before (-1: nowhere), the time, the smallest room up to there, and which obstacle is where. Poses
@@ -106,7 +105,7 @@ def first_conflict(
         if i < n - 1:
             turned = wrap(z[i + 1, 2] - z[i, 2])
             way = hypot(z[i + 1, 0] - z[i, 0], z[i + 1, 1] - z[i, 1]) + b.circumscribed * abs(turned)
-            parts = max(int(ceil(way / STRIDE)), 1)
+            parts = max(ceil(way / STRIDE), 1)
         for k in range(parts):
             f = k / parts
             x, y, h, t = z[i, 0], z[i, 1], z[i, 2], z[i, 3]

@@ -83,4 +83,4 @@ def smoothed(want: Floats, last: Floats, limits: DriveLimits, dt: float) -> Floa
 def stop(last: Floats, limits: DriveLimits, dt: float) -> Floats:
     """The next twist of a controlled stop: the last one, shrunk as a whole."""
     T = stopping_time(last, limits)
-    return np.zeros(3) if T <= dt else last * (1.0 - dt / T)
+    return np.zeros(3) if dt >= T else last * (1.0 - dt / T)

@@ -14,6 +14,7 @@ from outrider.typing import Floats
 
 GRAIN: Final = 0.02  # m between samples of a path, about
 TURN: Final = 0.4  # rad, further than this a base turns before it goes
+SOON: Final = 0.7  # steps; a knot nearer than that would turn a small error of position into a large one of speed
 OFF: Final = 0.5  # m, from where the band would have it
 
 
@@ -25,8 +26,7 @@ def along(path: Floats, now: Situation, limits: DriveLimits, dt: float, capacity
     """
     poses = _shape(np.vstack([now.pose[:2], path[1:-1], now.goal[:2]]), now, limits)
     clock = np.zeros(len(poses))
-    axes = np.diag([1.0 / limits.acceleration, 1.0 / limits.acceleration, 1.0 / limits.turn_acceleration])
-    ride(poses, limits.rows, axes, float(np.hypot(now.twist[0], now.twist[1])), np.zeros((len(poses), 4)), clock)
+    ride(poses, limits.rows, limits.axes, float(np.hypot(now.twist[0], now.twist[1])), np.zeros((len(poses), 4)), clock)
     n = int(np.clip(np.ceil(clock[-1] / dt) + 1, FEWEST, capacity))
     t = np.linspace(0.0, max(clock[-1], 0.1), n)
     rows = np.column_stack([*(np.interp(t, clock, poses[:, k]) for k in range(3)), t])
@@ -167,10 +167,10 @@ def resumed(band: Floats, elapsed: float, now: Situation) -> Floats | None:
     """The band (n, 4) `elapsed` seconds later, from the pose now to the goal now; None if it does not fit any more."""
     if len(band) < 2 or not 0.0 <= elapsed < band[-1, 3]:
         return None
-    rest = band[band[:, 3] > elapsed + 0.05 * band[1, 3]]
+    rest = band[band[:, 3] > elapsed + SOON * float(band[-1, 3]) / (len(band) - 1)]
     expected = [np.interp(elapsed, band[:, 3], band[:, k]) for k in range(2)]
     moved = np.hypot(*(now.goal[:2] - band[-1, :2])) > OFF or abs(wrap(float(now.goal[2] - band[-1, 2]))) > OFF
-    if not len(rest) or moved or np.hypot(*(now.pose[:2] - expected)) > OFF:
+    if len(rest) < 2 or moved or np.hypot(*(now.pose[:2] - expected)) > OFF:
         return None
     out = np.vstack([[*now.pose, elapsed], rest])
     out[:, 3] -= elapsed

@@ -19,11 +19,9 @@ def cover(footprint: Footprint) -> Floats:
     length, half = float(size[along]), 0.5 * float(size[1 - along])
     if length == 0.0:
         return np.array([[*middle, footprint.radius]])
-    for k in range(1, MOST + 1):
-        radius = float(np.hypot(0.5 * length / k, half)) + footprint.radius
-        if radius <= EXCESS * (half + footprint.radius):
-            break
+    radii = [float(np.hypot(0.5 * length / k, half)) + footprint.radius for k in range(1, MOST + 1)]
+    k = next((i + 1 for i, r in enumerate(radii) if r <= EXCESS * (half + footprint.radius)), MOST)
     discs = np.empty((k, 3))
-    discs[:, :2], discs[:, 2] = middle, radius
+    discs[:, :2], discs[:, 2] = middle, radii[k - 1]
     discs[:, along] += length * ((np.arange(k) + 0.5) / k - 0.5)
     return discs

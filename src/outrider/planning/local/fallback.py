@@ -14,6 +14,7 @@ SHARES: Final = (1.0, 0.8, 0.6, 0.4, 0.2)  # of a command that are tried before 
 PATIENCE: Final = 20  # answers that a robot waits for what is in the way to go away
 ROOM: Final = 0.5  # m to back out
 STILL: Final = 0.02  # m/s
+STANDS: Final = 0.1  # m/s, slower than anybody walks
 
 
 @final
@@ -26,20 +27,30 @@ class Blocked:
     body: Body
     around: Around
 
-    def stops_free(self, pose: Floats, twist: Floats) -> Conflict | None:
+    def stops_free(self, pose: Floats, twist: Floats, *, clear: bool) -> Conflict | None:
         """Where the robot would touch something if it kept this twist for one period and then braked; None: nowhere.
 
-        What already touches the robot does not hold it as long as the distance grows.
+        What already touches the robot does not hold it as long as the distance grows. With a clear trajectory only
+        what stands counts: before somebody who crosses, on is safer than still.
         """
         z = braking(pose, twist, self.limits, self.period)
-        hit = clash(z, self.body, self.around)
+        still = np.hypot(self.around.discs[:, 3], self.around.discs[:, 4]) < STANDS
+        rows = np.flatnonzero(still) if clear else np.arange(len(still))
+        around = self.around._replace(discs=np.ascontiguousarray(self.around.discs[rows]))
+        hit = clash(z, self.body, around)
         if hit.free:
             return None
         if hit.knot == 0 and hit.time == 0.0:
-            ends = (clash(z[:1], self.body, self.around).room, clash(z[-1:], self.body, self.around).room)
+            ends = (clash(z[:1], self.body, around).room, clash(z[-1:], self.body, around).room)
             if ends[1] > ends[0]:
                 return None
-        return Conflict(hit.knot, z[hit.knot, :3], hit.time, hit.obstacle, np.array([hit.x, hit.y]))
+        return Conflict(
+            hit.knot,
+            z[hit.knot, :3],
+            hit.time,
+            int(rows[hit.obstacle]) if hit.obstacle >= 0 else -1,
+            np.array([hit.x, hit.y]),
+        )
 
 
 def answer(b: Blocked, now: Situation, plan: LocalPlan, last: LocalPlan | None) -> LocalPlan:
@@ -50,7 +61,7 @@ def answer(b: Blocked, now: Situation, plan: LocalPlan, last: LocalPlan | None) 
     """
     waited = last.blocked + 1 if last is not None else 1
     most = 1.0 if plan.conflict is None else _share_before(b, plan)
-    twist, held = _stoppable(b, now, plan.twist, most)
+    twist, held = _stoppable(b, now, plan, most)
     conflict = held if held is not None else plan.conflict
     if conflict is None:
         return plan
@@ -77,12 +88,13 @@ def _share_before(b: Blocked, plan: LocalPlan) -> float:
     return min(1.0, most / speed) if speed > 1e-9 else 1.0
 
 
-def _stoppable(b: Blocked, now: Situation, twist: Floats, most: float) -> tuple[Floats | None, Conflict | None]:
+def _stoppable(b: Blocked, now: Situation, plan: LocalPlan, most: float) -> tuple[Floats | None, Conflict | None]:
     """The largest share of a command, up to `most`, after which the robot can stop free; the conflict of the whole.
 
     None where braking as hard as the base may would still be faster: that is a stop.
     """
-    first = b.stops_free(now.pose, twist)
+    twist, clear = plan.twist, plan.conflict is None
+    first = b.stops_free(now.pose, twist, clear=clear)
     if first is None and most == 1.0:
         return twist, None
     slowest = float(np.hypot(*stop(now.twist, b.limits, b.period)[:2]))
@@ -90,7 +102,7 @@ def _stoppable(b: Blocked, now: Situation, twist: Floats, most: float) -> tuple[
         some = share * most * twist
         if np.hypot(*some[:2]) < slowest - 1e-6:
             break
-        if b.stops_free(now.pose, some) is None:
+        if b.stops_free(now.pose, some, clear=clear) is None:
             return some, first
     return None, first
 

@@ -9,7 +9,7 @@ from math import cos, hypot, inf, sin, sqrt
 from outrider._kernel import inlined, kernel
 from outrider.core.angles import wrap
 from outrider.planning.local.banded import BAND
-from outrider.planning.local.problem import C, DA, E, G, KNOT, Q5, RATE, THETA, V, W3, Problem
+from outrider.planning.local.problem import DA, KNOT, Q5, RATE, THETA, W3, C, E, G, Problem, V
 from outrider.planning.local.terms import (
     acceleration,
     backward,

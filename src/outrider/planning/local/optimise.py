@@ -63,29 +63,30 @@ def moved(z: Floats, n: int, dx: Floats, out: Floats) -> None:
 def descend(n: int, p: Problem, w: Work, iterations: int, tolerance: float) -> tuple[float, int]:
     """Minimise from w.z on; returns cost and iterations used. Ends when an iteration gains less than `tolerance`."""
     size, z, trial = KNOT * n, w.z[0], w.z[1]
-    B, B_trial, D, L = w.M[0], w.M[1], w.M[2], w.M[3]
+    normal, normal_trial, D, L = w.M[0], w.M[1], w.M[2], w.M[3]
     b, b_trial, dx = w.b[0], w.b[1], w.b[2]
-    cost, damping = assemble(z, n, p, w.u, w.s, B, b), 1e-2
+    cost, damping = assemble(z, n, p, w.u, w.s, normal, b), 1e-2
     stiffness(z, n, p, w.u, w.s, D, w.b[3])
-    gain, k = inf, -1
-    for k in range(iterations):
+    gain, used = inf, 0
+    while used < iterations:
+        used += 1
         for j in range(size + BAND):
             dx[j] = b[j]
             for m in range(BAND):
-                L[j, m] = B[j, m] + damping * D[j, m]
-            L[j, 0] += 1e-2 * damping * (B[j, 0] + 1e-3)
+                L[j, m] = normal[j, m] + damping * D[j, m]
+            L[j, 0] += 1e-2 * damping * (normal[j, 0] + 1e-3)
         new = inf
         if factor(L, size):
             solve(L, size, dx)
             moved(z, n, dx, trial)
-            new = assemble(trial, n, p, w.u, w.s, B_trial, b_trial)
+            new = assemble(trial, n, p, w.u, w.s, normal_trial, b_trial)
         if not new < cost:
             damping *= 8.0
             if damping > 1e5:
                 break
             continue
         gain = (cost - new) / cost
-        z, trial, B, B_trial, b, b_trial = trial, z, B_trial, B, b_trial, b
+        z, trial, normal, normal_trial, b, b_trial = trial, z, normal_trial, normal, b_trial, b
         stiffness(z, n, p, w.u, w.s, D, w.b[3])
         cost, damping = new, max(damping * 0.2, 1e-6)
         if gain < tolerance:
@@ -93,7 +94,7 @@ def descend(n: int, p: Problem, w: Work, iterations: int, tolerance: float) -> t
     for i in range(n):
         for m in range(KNOT):
             w.z[0, i, m] = z[i, m]
-    return cost, k + 1
+    return cost, used
 
 
 @kernel

@@ -20,7 +20,7 @@ from outrider.planning.local.guide import near
 from outrider.planning.local.optimise import optimise
 from outrider.planning.local.problem import Problem, Weights, Work, workspace
 from outrider.planning.local.ways import obstacles_near, same, signature, ways
-from outrider.safety.clearance import UNMAPPED, Around, Body, Clash, around, body_of, clash
+from outrider.safety.clearance import Around, Body, Clash, around, body_of, clash
 from outrider.safety.stopping import saturated, smoothed
 from outrider.typing import Floats
 
@@ -32,11 +32,12 @@ NO_POINTS = np.empty((0, 2))
 class TebSettings:
     """What physics does not say.
 
-    step : m between knots at full speed, and dt : s at the most;  period : s between answers;  reach : m of path that is looked at;  gap : m wanted to
-    obstacles;  spare : m below which a trajectory counts as blocked;  horizon : s for which others are believed to
-    keep their velocity;  capacity : knots;  ways : at most so many are compared;  explore : s between looking for other
-    ways;  keep : s and share of the time by which another way must be better;  dear : s that passing something without
-    a gap costs in the comparison;  xy, yaw : m and rad within which a goal is reached.
+    step : m between knots at full speed, and dt : s at the most;  period : s between answers;  reach : m of path that
+    is looked at;  gap : m wanted to obstacles;  spare : m below which a trajectory counts as blocked;  horizon : s for
+    which others are believed to keep their velocity;  capacity : knots;  ways : at most so many are compared;
+    explore : s between looking for other ways;  keep : s and share of the time by which another way must be better;
+    dear : s that passing something without a gap costs in the comparison;  xy, yaw : m and rad within which a goal is reached;
+    share : of the limits that is planned with.
     """
 
     step: float = 0.16
@@ -53,8 +54,8 @@ class TebSettings:
     dear: float = 4.0
     xy: float = 0.03
     yaw: float = 0.05
-    share: float = 0.98  # of the limits that is planned with
-    weights: Weights = Weights()
+    share: float = 0.98
+    weights: Weights = field(default_factory=Weights)
 
     def __post_init__(self) -> None:
         for name in ("step", "dt", "period", "reach", "gap", "horizon", "explore", "xy", "yaw", "share"):
@@ -87,7 +88,7 @@ class Teb:
 
     limits: DriveLimits
     footprint: Footprint
-    settings: TebSettings = TebSettings()
+    settings: TebSettings = field(default_factory=TebSettings)
     _work: Work = field(init=False, repr=False, compare=False)
     _discs: Floats = field(init=False, repr=False, compare=False)
     _body: Body = field(init=False, repr=False, compare=False)
@@ -150,12 +151,11 @@ class Teb:
 
     def _problem(self, now: Situation, a: Around) -> Problem:
         s, limits = self.settings, self.limits
-        axes = (1.0 / limits.acceleration, 1.0 / limits.acceleration, 1.0 / limits.turn_acceleration)
         return Problem(
             weights=s.weights, dt=self._dt, share=s.share, top=limits.forward,
             holonomic=limits.steering is Steering.HOLONOMIC, radius=1.1 * limits.min_radius, through=now.through,
             gap=s.gap, horizon=s.horizon, west=a.west, south=a.south, resolution=a.resolution, rows=self._rows,
-            rates=np.vstack([np.diag(axes), now.twist]), discs=self._discs, obstacles=a.discs, field=a.field,
+            rates=np.vstack([limits.axes, now.twist]), discs=self._discs, obstacles=a.discs, field=a.field,
             path=now.path, vias=NO_POINTS,
         )  # fmt: skip
 
@@ -170,9 +170,7 @@ class Teb:
         tight = max(1.0 - max(hit.room, 0.0) / s.gap, 0.0)
         return Band(out, hit, float(out[-1, 3]) + s.dear * tight + (1e3 if not hit.free else 0.0), used)
 
-    def _others(
-        self, now: Situation, p: Problem, a: Around, current: Band | None, *, again: bool
-    ) -> list[Band]:
+    def _others(self, now: Situation, p: Problem, a: Around, current: Band | None, *, again: bool) -> list[Band]:
         """Bands of other classes than the current one, each from the polyline that shows the way; `again`: its, too."""
         s = self.settings
         marks = obstacles_near(now.path, a.discs, now.surroundings.field, self.limits.forward)
@@ -216,7 +214,7 @@ class Teb:
 
 
 def _stalled(current: Band, now: Situation, last: LocalPlan) -> bool:
-    """Whether the goal came nearer in time by less than half of the time that passed: a band that puts off its start."""
+    """Whether the goal came nearer in time by less than half of the time that passed: the start is put off."""
     return float(current.z[-1, 3]) > last.duration - 0.5 * (now.time - last.time)
 
 
@@ -227,5 +225,3 @@ def _conflict(b: Band) -> Conflict:
     pose = b.z[hit.knot, :3] + min(share, 1.0) * (b.z[knot, :3] - b.z[hit.knot, :3])
     pose[2] = b.z[hit.knot, 2]
     return Conflict(hit.knot, pose, hit.time, hit.obstacle, np.array([hit.x, hit.y]))
-
-
