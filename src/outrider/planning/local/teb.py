@@ -36,7 +36,8 @@ class TebSettings:
     is looked at;  gap : m wanted to obstacles;  spare : m below which a trajectory counts as blocked;  horizon : s for
     which others are believed to keep their velocity;  capacity : knots;  ways : at most so many are compared;
     explore : s between looking for other ways;  keep : s and share of the time by which another way must be better;
-    dear : s that passing something without a gap costs in the comparison;  xy, yaw : m and rad within which a goal is reached;
+    dear : s that passing something without a gap costs in the comparison;
+    xy, yaw : m and rad within which a goal is reached;
     share : of the limits that is planned with.
     """
 
