@@ -251,3 +251,16 @@ def test_what_cannot_be_asked(start: tuple, goal: tuple, budget_s: float, said: 
 def test_what_is_no_rule(wrong: dict) -> None:
     with pytest.raises(ConfigError, match="traversal"):
         Traversal(**wrong)
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("options", [{"heuristic": False}, {"jumps": True}], ids=["dijkstra", "jumps"])
+def test_a_queue_grows_when_it_must(options: dict, rng: np.random.Generator) -> None:
+    cells = np.zeros((1500, 1500), np.uint8)
+    if "jumps" in options:
+        cells[rng.random(cells.shape) < 0.2] = LETHAL
+        cells[0, 0] = cells[-1, -1] = 0
+    planner, grid, ends = AStar(**options), costmap(cells), (middle((0, 0)), middle((1499, 1499)))
+    path = planner.plan(grid, *ends)
+    assert planner.workspace.queue.size > planner.workspace.counts.size * 1024
+    assert path.cost == pytest.approx(AStar(jumps=False).plan(grid, *ends).cost, rel=1e-12)

@@ -65,3 +65,17 @@ def test_named_failures_and_another_goal() -> None:
     assert path.suggestion is not None
     assert planner.plan(closed, start, middle((0, 1))).found
     assert planner.plan(closed, start, middle((0, 2))).outcome is PathOutcome.GOAL_BLOCKED
+
+
+@pytest.mark.compiled
+def test_out_of_time_goes_on_with_the_next_plan() -> None:
+    planner, grid, ends = DStarLite(), costmap(np.full((300, 300), 40, np.uint8)), (middle((0, 0)), middle((299, 150)))
+    grid.cells[150, 1:] = LETHAL
+    outcomes = []
+    for _ in range(100):
+        path = planner.plan(grid, *ends, budget_s=1e-9)
+        outcomes.append(path.outcome)
+        if path.found:
+            break
+    assert outcomes[0] is PathOutcome.OUT_OF_TIME
+    assert path.cost == pytest.approx(AStar().plan(grid, *ends).cost)
