@@ -1,5 +1,6 @@
 """ArduPilot on-board logs: what the format says, by a log written from it byte by byte."""
 
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -67,3 +68,21 @@ def test_a_record_that_claims_no_length_does_not_hang(tmp_path: Path) -> None:
     log.format("BAD", "Q", "TimeUS", kind=0xF0, length=1)
     with pytest.raises(DataError, match="no sensor record"):
         read_dataflash(write(tmp_path, "1.BIN", bytes(log.out) + b"\xa3\x95\xf0" * 50))
+
+
+def test_gps_weeks_become_utc(tmp_path: Path) -> None:
+    path = tmp_path / "flight.bin"
+    path.write_bytes(dataflash())
+    utc = next(s.extra["utc"] for s in read_dataflash(path) if s.kind is Kind.GNSS)
+    # week 2280 began on Sunday 2023-09-17; four days later, less the 18 leap seconds since 1980
+    assert utc[0] == datetime(2023, 9, 20, 23, 59, 42, tzinfo=UTC).timestamp()
+
+
+def test_flow_turns_about_forward_and_left(tmp_path: Path) -> None:
+    path, log = tmp_path / "flight.bin", Dataflash()
+    log.format("OF", "QBffff", "TimeUS,Qual,flowX,flowY,bodyX,bodyY")
+    for k in range(20):
+        log.put("OF", 1_000_000 + 50_000 * k, 200, 0.3, 0.2, 0.0, 0.0)
+    path.write_bytes(bytes(log.out))
+    (flow,) = read_dataflash(path).streams.values()
+    np.testing.assert_allclose(flow.z, np.tile([0.3, -0.2], (20, 1)), atol=1e-6)  # right becomes left

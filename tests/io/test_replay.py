@@ -52,3 +52,10 @@ def test_a_recorded_flight_agrees_with_ekf2(recordings: Path, name: str) -> None
     answer = np.column_stack([np.interp(gps.t[late], ekf.t, ekf.p[:, k]) for k in range(2)])
     off = (answer - p[late, :2]) - (answer - p[late, :2])[0]
     assert np.abs(off).max() < 1.5  # swapped columns would be off by the length of the flight
+
+
+def test_flow_turns_about_forward_and_left(tmp_path: Path) -> None:
+    path = tmp_path / "flow.csv"
+    rows = [f"{us},imu,0,0,-9.8,0,0,0\n{us},flow,0.3,0.2,0,0,100" for us in range(10_000, 200_000, 10_000)]
+    path.write_text("\n".join(rows) + "\n")
+    np.testing.assert_allclose(read_replay(path).streams["flow"].z, np.tile([0.3, -0.2], (19, 1)))

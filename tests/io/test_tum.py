@@ -153,3 +153,10 @@ def test_other_columns_are_told(tmp_path: Path, text: str, words: str) -> None:
 def test_any_delimiter(tmp_path: Path, sign: str) -> None:
     (tmp_path / "a.tum").write_text("\ufeff# a comment\n" + sign.join(LINE.format("1.5").split()) + "\r\n", "utf-8")
     assert read_tum(tmp_path / "a.tum").t.tolist() == [1_500_000_000]
+
+
+def test_quaternions_of_zeros_are_named(tmp_path: Path) -> None:
+    path = tmp_path / "unturned.tum"
+    path.write_text("1.0 1 2 3 0 0 0 0\n2.0 1 2 3 0 0 0 0\n")
+    with pytest.raises(DataError, match="2 quaternions are all zeros"):
+        read_tum(path)

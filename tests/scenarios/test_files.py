@@ -203,3 +203,19 @@ def test_the_second_physics_is_chosen_in_the_file(tmp_path: Path) -> None:
     path.write_text(RELAY.replace("    on: rover\n", "    physics: mujoco\n"))
     with pytest.raises(ConfigError, match=r"team\.scout\.vehicle: physics 'mujoco' knows no multirotor"):
         build(*load_scenario(str(path)))
+
+
+def test_an_item_goes_by_its_usual_name_too(tmp_path: Path) -> None:
+    path = tmp_path / "yard.yaml"
+    path.write_text(YARD.replace("{type: gnss, rate_hz: 5}", "{type: gnss_receiver, rate_hz: 5}"))
+    for word in ("gnss", "gnss_receiver", "2"):
+        scenario, _ = load_scenario(str(path), {f"team.rover.sensors.{word}.rate_hz": 1.0})
+        assert scenario.team["rover"].sensors[2].rate_hz == 1.0
+
+
+@pytest.mark.parametrize("rate", [".inf", "1e9"])
+def test_no_sensor_is_that_fast(tmp_path: Path, rate: str) -> None:
+    path = tmp_path / "yard.yaml"
+    path.write_text(YARD.replace("{type: gnss, rate_hz: 5}", f"{{type: gnss, rate_hz: {rate}}}"))
+    with pytest.raises(ConfigError, match=r"yard\.yaml:\d+: .*rate_hz: should be .*20000"):
+        load_scenario(str(path))

@@ -33,6 +33,7 @@ def read_tum(path: Path) -> Trajectory:
     """
     texts: list[str] = []
     rows: list[list[float]] = []
+    unturned = 0  # lines of a quaternion of zeros
     widths: set[int] = set()
     with ensure_readable(path).open(encoding="utf-8-sig", errors="replace") as f:
         for line in f:
@@ -42,13 +43,14 @@ def read_tum(path: Path) -> Trajectory:
                 _check_names(cells, path)
                 continue
             widths.add(len(cells))
+            unturned += len(row) == 8 and not any(row[4:])
             if len(row) == 8 and not line.startswith("#") and np.isfinite(row[1:]).all() and any(row[4:]):
                 texts.append(cells[0])
                 rows.append(row[1:])
     t, good = to_nanoseconds(texts, "s")
     poses = np.array(rows, np.float64).reshape(-1, 7)[good]
     if not len(poses):
-        raise DataError(_why_none(widths, texts), where=str(path), fix=A_LINE)
+        raise DataError(_why_none(widths, texts, unturned), where=str(path), fix=A_LINE)
     t, first = np.unique(t[good], return_index=True)
     q = poses[first, 3:]
     length = np.linalg.norm(q, axis=1, keepdims=True)
@@ -71,7 +73,9 @@ def _check_names(cells: list[str], path: Path) -> None:
         raise DataError(f"has the columns {' '.join(cells)}", where=str(path), fix=A_LINE)
 
 
-def _why_none(widths: set[int], stamps: list[str]) -> str:
+def _why_none(widths: set[int], stamps: list[str], unturned: int) -> str:
+    if unturned:
+        return f"holds no TUM pose: {unturned} quaternions are all zeros, which is no orientation"
     if stamps:
         return f"holds no TUM pose: its stamps, such as {stamps[0]}, are no seconds"
     others = ", ".join(str(w) for w in sorted(widths - {8})[:3])

@@ -10,7 +10,7 @@ from pydantic import TypeAdapter, ValidationError
 from outrider.errors import ConfigError
 from outrider.io.checked import remedy, validated
 from outrider.io.config import merged, parse_yaml, read_yaml, yaml_text
-from outrider.scenarios.parts import Scenario
+from outrider.scenarios.parts import SENSORS, Scenario
 from outrider.scenarios.registry import Registered, find_scenario
 
 ENDINGS = (".yaml", ".yml")
@@ -118,8 +118,19 @@ def _index(node: list[Any], word: str, key: str) -> int:
     """The item that is meant: by number, or by its name or type."""
     if word.isdecimal() and int(word) < len(node):
         return int(word)
-    names = [str(one.get("name", one.get("type", ""))) if isinstance(one, dict) else "" for one in node]
-    if word in names:
-        return names.index(word)
-    fix = remedy(word, [n for n in names if n]) if any(names) else f"a number below {len(node)}"
+    names = [_called(one) for one in node]
+    for kind in range(2):
+        if word in (found := [n[kind] for n in names]):
+            return found.index(word)
+    known = [n[0] for n in names if n[0]]
+    fix = remedy(word, known) if known else f"a number below {len(node)}"
     raise ConfigError(f"no item '{word}'", where=f"--set {key}", fix=fix)
+
+
+def _called(one: Any) -> tuple[str, str]:
+    """The name of an item, its own or that of its type, and its type."""
+    if not isinstance(one, dict):
+        return "", ""
+    kind = str(one.get("type", ""))
+    usual = next((f.default for f in fields(SENSORS[kind]) if f.name == "name"), kind) if kind in SENSORS else kind
+    return str(one.get("name", usual)), kind

@@ -14,7 +14,7 @@ from types import NoneType, UnionType
 from typing import Annotated, Any, Final, Literal, TypeAlias, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 import numpy as np
-from annotated_types import Ge, Gt
+from annotated_types import Ge, Gt, Le
 from pydantic import AfterValidator, BaseModel, ConfigDict, create_model, model_validator
 from pydantic import Field as Option
 
@@ -39,6 +39,7 @@ ANGLES: Final[Mapping[str, tuple[str, ...]]] = {
     "SteeringEncoder": ("sigma_angle", "offset"),
 }
 """Fields in radians, or radians per second, by class."""
+FASTEST: Final = 20_000.0  # Hz: no sensor of a robot is faster, and a run would not end
 COUNTS: Final = ("beams", "wheels", "satellites")
 
 
@@ -157,7 +158,9 @@ def _translated(hint: Any, name: str) -> Any:
 
 def _bounded(kind: Any, name: str) -> Any:
     """Rates, reaches and counts are positive, deviations, delays and shares are not negative."""
-    if name.endswith("_hz") or name in ("max_range", "reach", "period_s") or (kind is Whole and name in COUNTS):
+    if name.endswith("_hz"):
+        return Annotated[kind, Gt(0), Le(FASTEST)]
+    if name in ("max_range", "reach", "period_s") or (kind is Whole and name in COUNTS):
         return Annotated[kind, Gt(0)]
     if name.startswith("sigma") or name.endswith("_density") or name in ("latency_s", "jitter_s", "drop", "loss"):
         return Annotated[kind, Ge(0)]

@@ -19,6 +19,7 @@ CONFLICT: Final = np.radians(10.0)  # mean difference of headings worth a line
 SCATTER: Final = np.radians(20.0)  # scatter of the same
 GAP: Final = 3.0  # s without a usable record that is worth a line
 OVERCONFIDENT: Final = 3.0  # median NIS per degree of freedom
+CONTRADICTED: Final = 25.0  # the same, of a source that is not fused
 HALF: Final = 0.5  # about what it is for a source whose noise is as stated
 REFUSED: Final = 0.02  # share of refused records that is worth a line
 ENOUGH: Final = 10  # records that a mean is worth something
@@ -130,9 +131,12 @@ def confidence(run: Run, chosen: Plan, aligned: Alignment) -> list[Finding]:
     """Sources whose innovations do not fit their stated noise."""
     out: list[Finding] = []
     for channel in chosen.whole.channels:
-        if channel.scored or channel.name not in run.innovations or channel.sensor is None:
+        if channel.name not in run.innovations or channel.sensor is None:
             continue
         innovations = run.innovations[channel.name]
+        if channel.scored:
+            out += contradicted(channel, innovations)
+            continue
         judged = np.isin(innovations.verdict, [Verdict.USED, Verdict.GATED, Verdict.RESET])
         if judged.sum() < 3 * ENOUGH:
             continue
@@ -145,6 +149,22 @@ def confidence(run: Run, chosen: Plan, aligned: Alignment) -> list[Finding]:
             fix = f"sources: {{{channel.stream}: {{scale: {times}}}}}"
             out.append(warning("overconfident", text, channel.stream, fix))
     return out
+
+
+def contradicted(channel: Channel, innovations: Innovations) -> list[Finding]:
+    """A source of position that is only compared, and that the estimate is far from for what both claim."""
+    seen = innovations.dof > 0
+    if not channel.reset[1] or seen.sum() < 3 * ENOUGH:
+        return []
+    ratio = float(np.median(innovations.nis[seen] / innovations.dof[seen]))
+    if ratio < CONTRADICTED:
+        return []
+    off = float(np.median(np.linalg.norm(np.nan_to_num(innovations.y[seen][:, : channel.reset[1]]), axis=1)))
+    text = (
+        f"{channel.name}, which is only compared, lies {off:.3g} m from the estimate, {np.sqrt(ratio):.0f} times what "
+    )
+    text += "both claim: one of them is wrong"
+    return [warning("contradicted", text, channel.stream, "fuse it, or find out what leads the estimate astray")]
 
 
 def refusals(run: Run, chosen: Plan, aligned: Alignment) -> list[Finding]:
