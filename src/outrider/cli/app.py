@@ -353,17 +353,21 @@ def papers(
 def schema(
     what: Annotated[
         str,
-        typer.Argument(metavar="WHAT", help="fuse: its configuration; scenario: a file of `outrider run`."),
+        typer.Argument(
+            metavar="WHAT", help="fuse: its configuration; scenario: a file of `outrider run`; site: a drawing."
+        ),
     ] = "fuse",
     debug: Debug = False,
 ) -> int:
     """Print the JSON schema of a configuration file, for editors."""
     if what == "scenario":
         from outrider.scenarios.files import schema as schema_of
+    elif what == "site":
+        from outrider.io.sites import schema as schema_of
     elif what == "fuse":
         from outrider.workflows.settings import schema as schema_of
     else:
-        raise UsageError(f"no schema '{what}'", fix="there are: fuse, scenario")
+        raise UsageError(f"no schema '{what}'", fix="there are: fuse, scenario, site")
     return _print_json(schema_of(), ExitCode.OK)
 
 

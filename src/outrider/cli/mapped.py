@@ -23,7 +23,7 @@ def show(summary: Mapping[str, Any], folder: Path, *, quiet: bool = False) -> No
     wide, high = m["columns"] * m["resolution_m"], m["rows"] * m["resolution_m"]
     cells = m["cells"]
     shares = ", ".join(f"{100 * n / max(1, m['columns'] * m['rows']):.0f} % {name}" for name, n in cells.items())
-    out.print(Text(f"{wide:.1f} x {high:.1f} m in cells of {_number(m['resolution_m'])} m: {shares}"))
+    out.print(Text(f"{wide:.1f} x {high:.1f} m in cells of {m['resolution_m']:g} m: {shares}"))
     if summary["shapes"]:
         out.print(Text(", ".join(f"{n} x {kind.replace('_', '-')}" for kind, n in summary["shapes"].items())))
     if summary["routes"]:

@@ -128,6 +128,11 @@ def parse_site(data: Mapping[str, object], where: str = "") -> Site:
     )
 
 
+def schema() -> dict[str, Any]:
+    """JSON schema of a drawing in metres, for editors."""
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **SiteSection.model_json_schema()}
+
+
 def site_text(site: Site) -> str:
     """A site as YAML, which reads back as the same."""
     out: dict[str, Any] = {"name": site.name}

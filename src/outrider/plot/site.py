@@ -172,7 +172,7 @@ def write_map_report(figure: Figure, summary: Json, path: Path, *, drawing: str 
 def _cards(s: Json) -> list[Json]:
     m, v = s["map"], s["volume"]
     size = f"{m['columns'] * m['resolution_m']:.1f} × {m['rows'] * m['resolution_m']:.1f} m"
-    cells = f"{m['columns']:,} × {m['rows']:,} cells of {tables.number(m['resolution_m'], 'm')}"
+    cells = f"{m['columns']:,} × {m['rows']:,} cells of {m['resolution_m']:g} m"
     cards = [_card("size", size, cells)]
     cards.append(
         _card("ground to drive on", tables.number(v["ground_m2"], "m²"), f"robot radius {s['robot_radius_m']:g} m")

@@ -15,7 +15,7 @@ from outrider import __version__
 from outrider.data.grid import INSCRIBED, LETHAL, UNKNOWN, Costmap, Grid
 from outrider.data.routes import RouteGraph
 from outrider.data.site import Anchor, ShapeKind, Site
-from outrider.errors import ExitCode, UsageError
+from outrider.errors import ExitCode, OutriderError, UsageError
 from outrider.io import folders
 from outrider.io.config import read_yaml
 from outrider.io.files import as_text, sha256
@@ -23,7 +23,7 @@ from outrider.io.map_server import Map, anchor_dict, read_map, write_map
 from outrider.io.route_graphs import write_route_graph
 from outrider.io.sites import YAML_ENDINGS, read_site, site_text
 from outrider.mapping.georeference import Georeference
-from outrider.mapping.inflation import Inflation
+from outrider.mapping.inflation import WIDEST, Inflation
 from outrider.mapping.layers import LayeredCostmap
 from outrider.mapping.raster import crossed
 from outrider.mapping.sites import Drawn, draw
@@ -87,8 +87,7 @@ def map_site(
     """
     tell = progress or _silent
     tell("drawing", 0.0)
-    inflation = Inflation(inscribed=radius, radius=radius + REACH, factor=SLOPE)
-    done = _read(source, control_points, resolution, inflation)
+    done = _read(source, control_points, resolution, radius)
     with folders.result_folder(output, SUMMARY, SCHEMA, force=force) as part:
         tell("writing", 0.0)
         _write(done, part)
@@ -106,7 +105,7 @@ def map_site(
     return done, document
 
 
-def _read(source: Path, control_points: Path | None, resolution: float | None, inflation: Inflation) -> Mapped:
+def _read(source: Path, control_points: Path | None, resolution: float | None, radius: float) -> Mapped:
     is_image = source.suffix.lower() in IMAGES
     if is_image and control_points is None:
         fix = "--control-points FILE says where some of its pixels are; or name the YAML file of the map"
@@ -120,12 +119,15 @@ def _read(source: Path, control_points: Path | None, resolution: float | None, i
         from outrider.io.control_points import read_referenced
 
         there, fit = read_referenced(source, control_points)
-        return replace(_of_map(source, there, inflation), fit=fit)
+        return replace(_of_map(source, there, radius), fit=fit)
     if is_map:
-        return _of_map(source, read_map(source), inflation)
+        return _of_map(source, read_map(source), radius)
     site = read_site(source)
-    drawn = draw(site, RESOLUTION if resolution is None else resolution)
-    layers = LayeredCostmap(drawn.grid, inflation=inflation, keep_out=drawn.zones.keep_out)
+    try:
+        drawn = draw(site, RESOLUTION if resolution is None else resolution)
+    except OutriderError as e:
+        raise type(e)(e.what, where=as_text(source), fix=e.fix) from None
+    layers = LayeredCostmap(drawn.grid, inflation=_inflation(drawn.grid, radius), keep_out=drawn.zones.keep_out)
     done = Mapped(
         source=source, grid=drawn.grid, costmap=layers.costmap, site=site, drawn=drawn, anchor=site.anchor,
         notes=site.notes,
@@ -133,8 +135,14 @@ def _read(source: Path, control_points: Path | None, resolution: float | None, i
     return replace(done, blocked=tuple(_blocked(done)))
 
 
-def _of_map(source: Path, there: Map, inflation: Inflation) -> Mapped:
-    layers = LayeredCostmap(there.grid, inflation=inflation)
+def _inflation(grid: Grid, radius: float) -> Inflation:
+    """Costs that reach as far as they should, or as far as cells so small allow."""
+    widest = max(radius, min(radius + REACH, WIDEST * grid.resolution))
+    return Inflation(inscribed=radius, radius=widest, factor=SLOPE)
+
+
+def _of_map(source: Path, there: Map, radius: float) -> Mapped:
+    layers = LayeredCostmap(there.grid, inflation=_inflation(there.grid, radius))
     return Mapped(
         source=source, grid=there.grid, costmap=layers.costmap, heading=there.heading, anchor=there.anchor,
         notes=there.notes,
