@@ -143,11 +143,13 @@ def _trace(
     j, j_last = min(max(floor(b + t * db), 0), m - 1), min(max(floor(b + end * db), 0), m - 1)
     i_hit, j_hit = floor(a + length * da), floor(b + length * db)
     leaves = b + (i + (da > 0.0) - a) * slope
+    away, side = by * n_by, by * slope
+    at = i * n_by
     while i != i_last:
-        k = min(max(floor(leaves), 0), m - 1)
-        flat[i * n_by + j * m_by] = value
-        flat[i * n_by + k * m_by] = value
-        i, j, leaves = i + by, k, leaves + by * slope
+        k = min(max(int(leaves), 0), m - 1)
+        flat[at + j * m_by] = value
+        flat[at + k * m_by] = value
+        i, j, at, leaves = i + by, k, at + away, leaves + side
     if to_the_end or i != i_hit or j != j_hit:
         flat[i * n_by + j * m_by] = value
     if to_the_end or i != i_hit or j_last != j_hit:
