@@ -27,7 +27,7 @@ def braking(pose: Floats, twist: Floats, limits: DriveLimits, reaction: float, k
     The twist shrinks as a whole, so the way is a circle: the turned angle is w s with s = t_r + T / 2 at the end.
     """
     T = stopping_time(twist, limits)
-    t = np.unique(np.concatenate([[0.0, reaction], reaction + T * np.linspace(0.0, 1.0, knots)]))
+    t = np.concatenate([[0.0], reaction + T * np.linspace(0.0, 1.0, knots)])
     late = np.maximum(t - reaction, 0.0)
     s = np.minimum(t, reaction) + late - (0.5 * late * late / T if T > 0.0 else 0.0)
     return np.column_stack([moved(pose, twist, s), t])

@@ -5,6 +5,7 @@ Source: amr2025 (19)-(22); Roesmann et al. 2012 and 2017 for terms and classes. 
 """
 
 from dataclasses import dataclass, field, replace
+from math import cos, sin
 from typing import final
 
 import numpy as np
@@ -200,18 +201,25 @@ class Teb:
 
     def _command(self, z: Floats, now: Situation) -> Floats:
         """The twist one period ahead, between the twist now and those in the middle of the steps; within limits."""
-        steps = np.diff(z[:, 3])
-        turned = np.array([wrap(float(d)) for d in np.diff(z[:3, 2])])
-        middle = z[: len(turned), 2] + 0.5 * turned
-        d = np.diff(z[: len(turned) + 1, :2], axis=0)
-        c, s = np.cos(middle), np.sin(middle)
-        bend = np.sinc(0.5 * turned / np.pi)  # arc to chord
-        u = np.column_stack([(c * d[:, 0] + s * d[:, 1]) / bend, (c * d[:, 1] - s * d[:, 0]) / bend, turned])
-        u = np.vstack([now.twist, u / steps[: len(turned), None]])
-        t = np.array([0.0, 0.5 * steps[0], steps[0] + 0.5 * steps[1]])
-        want = np.array([np.interp(self.settings.period, t, u[:, k]) for k in range(3)])
+        (t0, a), (t1, b) = _mean_twist(z[0], z[1]), _mean_twist(z[1], z[2])
+        period = self.settings.period
+        if period <= t0:
+            want = now.twist + (a - now.twist) * (period / t0)
+        else:
+            want = a + (b - a) * min((period - t0) / (t0 + t1), 1.0)
         want = saturated(want, self.limits)
         return saturated(smoothed(want, now.twist, self.limits, self.settings.period), self.limits)
+
+
+def _mean_twist(a: Floats, b: Floats) -> tuple[float, Floats]:
+    """Half the time between two knots, and the constant twist (3,) that leads from one to the other."""
+    (x0, y0, h0, t0), (x1, y1, h1, t1) = a.tolist(), b.tolist()
+    turned = wrap(h1 - h0)
+    c, s = cos(h0 + 0.5 * turned), sin(h0 + 0.5 * turned)
+    longer = 0.5 * turned / sin(0.5 * turned) if abs(turned) > 1e-6 else 1.0  # arc to chord
+    dx, dy, f = x1 - x0, y1 - y0, 1.0 / (t1 - t0)
+    twist = np.array([(c * dx + s * dy) * longer * f, (c * dy - s * dx) * longer * f, turned * f])
+    return 0.5 * (t1 - t0), twist
 
 
 def _stalled(current: Band, now: Situation, last: LocalPlan) -> bool:
