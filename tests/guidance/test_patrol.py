@@ -10,38 +10,38 @@ from hypothesis import strategies as st
 from outrider.data.alerts import Alert, AlertState
 from outrider.errors import ConfigError, DataError
 from outrider.guidance.dispatch import Passages, assign
-from outrider.guidance.patrol import Duty, Ended, Mission, Order, Rules, Situation, advance
+from outrider.guidance.patrol import Duty, Ended, Inputs, Mission, Order, Rules, advance
 
 
 def order(alert: int, hold_s: float = 10.0, until_s: float = 100.0) -> Order:
-    return Order(alert=alert, view=np.zeros(3), hold_s=hold_s, until_s=until_s)
+    return Order(number=alert, alert=alert, view=np.zeros(3), hold_s=hold_s, until_s=until_s)
 
 
 RESPONDING = Mission(duty=Duty.RESPOND, order=order(7), stop=2)
 
 
 def test_an_alert_interrupts_the_round_and_the_round_goes_on_where_it_was() -> None:
-    m, ended = advance(Mission(stop=2), Situation(t_s=5.0, order=order(7), stops=4))
+    m, ended = advance(Mission(stop=2), Inputs(t_s=5.0, order=order(7), stops=4))
     assert (m.duty, m.stop, ended) == (Duty.RESPOND, 2, ())
-    m, ended = advance(m, Situation(t_s=20.0, arrived=True, stops=4))
+    m, ended = advance(m, Inputs(t_s=20.0, arrived=True, stops=4))
     assert (m.duty, m.since_s, ended) == (Duty.OBSERVE, 20.0, ())
-    m, ended = advance(m, Situation(t_s=29.9, stops=4))
+    m, ended = advance(m, Inputs(t_s=29.9, stops=4))
     assert (m.duty, ended) == (Duty.OBSERVE, ())
-    m, ended = advance(m, Situation(t_s=30.0, stops=4))
+    m, ended = advance(m, Inputs(t_s=30.0, stops=4))
     assert (m.duty, m.stop, m.order, ended) == (Duty.PATROL, 2, None, ((7, Ended.OBSERVED),))
 
 
 @pytest.mark.parametrize(
     ("situation", "how", "duty"),
     [
-        (Situation(t_s=5.0, cancelled=(3, 7)), Ended.CANCELLED, Duty.PATROL),
-        (Situation(t_s=100.1, arrived=True), Ended.TIMED_OUT, Duty.PATROL),
-        (Situation(t_s=5.0, unreachable=True), Ended.UNREACHABLE, Duty.PATROL),
-        (Situation(t_s=5.0, order=order(8)), Ended.REPLACED, Duty.RESPOND),
-        (Situation(t_s=5.0, battery=0.19), Ended.BATTERY, Duty.CHARGE),
+        (Inputs(t_s=5.0, cancelled=(3, 7)), Ended.CANCELLED, Duty.PATROL),
+        (Inputs(t_s=100.1, arrived=True), Ended.TIMED_OUT, Duty.PATROL),
+        (Inputs(t_s=5.0, unreachable=True), Ended.UNREACHABLE, Duty.PATROL),
+        (Inputs(t_s=5.0, order=order(8)), Ended.REPLACED, Duty.RESPOND),
+        (Inputs(t_s=5.0, battery=0.19), Ended.BATTERY, Duty.CHARGE),
     ],
 )
-def test_what_ends_a_response(situation: Situation, how: Ended, duty: Duty) -> None:
+def test_what_ends_a_response(situation: Inputs, how: Ended, duty: Duty) -> None:
     m, ended = advance(RESPONDING, situation)
     assert ended == ((7, how),) and m.duty is duty and (m.order is None) == (duty is not Duty.RESPOND)
 
@@ -49,20 +49,20 @@ def test_what_ends_a_response(situation: Situation, how: Ended, duty: Duty) -> N
 def test_a_round_skips_what_it_cannot_reach_and_stands_when_that_is_all() -> None:
     m = Mission()
     for stop, duty in ((1, Duty.PATROL), (2, Duty.PATROL), (0, Duty.STAND)):
-        m, _ = advance(m, Situation(t_s=0.0, unreachable=True, stops=3))
+        m, _ = advance(m, Inputs(t_s=0.0, unreachable=True, stops=3))
         assert (m.stop, m.duty) == (stop, duty)
-    m, _ = advance(m, Situation(t_s=1.0, arrived=True, stops=3))
+    m, _ = advance(m, Inputs(t_s=1.0, arrived=True, stops=3))
     assert m.duty is Duty.PATROL
 
 
 def test_an_order_while_charging_comes_back_at_once() -> None:
-    m, ended = advance(Mission(duty=Duty.CHARGE), Situation(t_s=0.0, battery=0.5, order=order(9)))
+    m, ended = advance(Mission(duty=Duty.CHARGE), Inputs(t_s=0.0, battery=0.5, order=order(9)))
     assert m.duty is Duty.CHARGE and ended == ((9, Ended.BATTERY),)
-    assert advance(m, Situation(t_s=1.0, battery=0.95))[0].duty is Duty.PATROL
+    assert advance(m, Inputs(t_s=1.0, battery=0.95))[0].duty is Duty.PATROL
 
 
 situations = st.builds(
-    Situation,
+    Inputs,
     t_s=st.floats(0, 200),
     arrived=st.booleans(),
     unreachable=st.booleans(),
@@ -74,20 +74,22 @@ situations = st.builds(
 
 
 @given(st.lists(situations, max_size=30))
-def test_every_order_taken_ends_exactly_once(run: list[Situation]) -> None:
+def test_every_order_taken_ends_exactly_once(run: list[Inputs]) -> None:
     m, open_orders = Mission(), []
     for k, s in enumerate(run):
         given_order = (
-            s.order if s.order is None else Order(alert=100 * k + s.order.alert, view=np.zeros(3), hold_s=1, until_s=50)
+            s.order
+            if s.order is None
+            else Order(number=100 * k + s.order.number, alert=1, view=np.zeros(3), hold_s=1, until_s=50)
         )
-        s = Situation(
+        s = Inputs(
             t_s=s.t_s, arrived=s.arrived, unreachable=s.unreachable, battery=s.battery, order=given_order, stops=3
         )
         m, ended = advance(m, s)
-        open_orders += [given_order.alert] if given_order else []
+        open_orders += [given_order.number] if given_order else []
         for alert, _ in ended:
             open_orders.remove(alert)
-        assert open_orders == ([m.order.alert] if m.order else [])
+        assert open_orders == ([m.order.number] if m.order else [])
         assert (m.order is not None) == (m.duty in (Duty.RESPOND, Duty.OBSERVE)) and 0 <= m.stop < 3
 
 

@@ -35,8 +35,10 @@ class Ended(Enum):
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Order:
-    """Go and look. view : (3,) east, north [m] and heading [rad] to stand at;  until_s : when it is too late."""
+    """Go and look. number : of the order, never used twice;  alert : what it is about;  view : (3,) east, north [m]
+    and heading [rad] to stand at;  until_s : when it is too late."""
 
+    number: int
     alert: int
     view: Floats
     hold_s: float
@@ -58,11 +60,11 @@ class Rules:
 
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Situation:
+class Inputs:
     """What a transition looks at.
 
     t_s : s;  arrived : at the goal of the present duty;  unreachable : that goal, as the planner says;  battery : share
-    left;  order : one that has just come;  cancelled : numbers of alerts that are called off;  stops : of the round.
+    left;  order : one that has just come;  cancelled : numbers of orders that are called off;  stops : of the round.
     """
 
     t_s: float
@@ -88,10 +90,10 @@ class Mission:
 
 
 Report = tuple[int, Ended]
-"""An alert, and how the response to it ended."""
+"""The number of an order, and how the response to it ended."""
 
 
-def advance(m: Mission, s: Situation, rules: Rules = Rules()) -> tuple[Mission, tuple[Report, ...]]:
+def advance(m: Mission, s: Inputs, rules: Rules = Rules()) -> tuple[Mission, tuple[Report, ...]]:
     """The next state of a mission, and the responses that ended with it; every order taken ends exactly once."""
     m, ended = _given_up(m, s)
     if s.battery < rules.low and m.duty is not Duty.CHARGE:
@@ -99,23 +101,23 @@ def advance(m: Mission, s: Situation, rules: Rules = Rules()) -> tuple[Mission, 
         return replace(m, duty=Duty.CHARGE), ended + more + _refused(s)
     if m.duty is Duty.CHARGE:
         return (replace(m, duty=Duty.PATROL, missed=0) if s.battery >= rules.full else m), ended + _refused(s)
-    if s.order is not None and s.order.alert not in s.cancelled:
+    if s.order is not None and s.order.number not in s.cancelled:
         m, more = _released(m, Ended.REPLACED)
         return replace(m, duty=Duty.RESPOND, order=s.order, missed=0), ended + more
     m, more = _gone_on(m, s)
     return m, ended + more
 
 
-def _given_up(m: Mission, s: Situation) -> tuple[Mission, tuple[Report, ...]]:
+def _given_up(m: Mission, s: Inputs) -> tuple[Mission, tuple[Report, ...]]:
     """Orders that are called off or too late."""
-    if m.order is not None and m.order.alert in s.cancelled:
+    if m.order is not None and m.order.number in s.cancelled:
         return _released(m, Ended.CANCELLED)
     if m.order is not None and m.duty is Duty.RESPOND and s.t_s > m.order.until_s:
         return _released(m, Ended.TIMED_OUT)
     return m, ()
 
 
-def _gone_on(m: Mission, s: Situation) -> tuple[Mission, tuple[Report, ...]]:
+def _gone_on(m: Mission, s: Inputs) -> tuple[Mission, tuple[Report, ...]]:
     """What follows from having arrived, or from not being able to."""
     if m.order is not None and m.duty is Duty.RESPOND:
         if s.unreachable:
@@ -132,7 +134,7 @@ def _gone_on(m: Mission, s: Situation) -> tuple[Mission, tuple[Report, ...]]:
     return m, ()
 
 
-def _after(m: Mission, s: Situation) -> int:
+def _after(m: Mission, s: Inputs) -> int:
     return (m.stop + 1) % max(s.stops, 1)
 
 
@@ -140,9 +142,9 @@ def _released(m: Mission, how: Ended) -> tuple[Mission, tuple[Report, ...]]:
     """Back to the round, to the stop it was on its way to."""
     if m.order is None:
         return m, ()
-    return replace(m, duty=Duty.PATROL, order=None, missed=0), ((m.order.alert, how),)
+    return replace(m, duty=Duty.PATROL, order=None, missed=0), ((m.order.number, how),)
 
 
-def _refused(s: Situation) -> tuple[Report, ...]:
+def _refused(s: Inputs) -> tuple[Report, ...]:
     """An order that comes while the robot has to charge."""
-    return ((s.order.alert, Ended.BATTERY),) if s.order is not None else ()
+    return ((s.order.number, Ended.BATTERY),) if s.order is not None else ()
