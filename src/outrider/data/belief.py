@@ -18,6 +18,7 @@ class Manifold(IntEnum):
     VECTOR = 0  # x + dx, size as given
     ANGLE = 1  # wrap(x + dx), one number
     ROTATION = 2  # q (x) Exp(dx): four numbers x y z w, three in the error
+    STRETCH = 3  # of a vector by a scale, see `core.manifold`; a relation between blocks, no block itself
 
 
 @final
@@ -40,8 +41,11 @@ class StateLayout:
     perturbation, R = R_hat Exp(dx)), so the two may differ in length.
     """
 
-    def __init__(self, *blocks: tuple[str, int | Manifold, str]) -> None:
-        """Each block is (name, size or manifold, unit); a size means a plain vector."""
+    def __init__(self, *blocks: tuple[str, int | Manifold, str], stretches: tuple[tuple[str, str], ...] = ()) -> None:
+        """Each block is (name, size or manifold, unit); a size means a plain vector.
+
+        stretches : (vector, scale) pairs of blocks that come before any rotation.
+        """
         self.blocks: dict[str, Block] = {}
         i = k = 0
         for name, what, unit in blocks:
@@ -50,7 +54,7 @@ class StateLayout:
             n_error = 3 if manifold is Manifold.ROTATION else n_state
             self.blocks[name] = Block(name, manifold, slice(i, i + n_state), slice(k, k + n_error), unit)
             i, k = i + n_state, k + n_error
-        self.size, self.error_size = i, k
+        self.size, self.error_size, self.stretches = i, k, stretches
 
     def __repr__(self) -> str:
         return f"StateLayout({', '.join(self.blocks)}: {self.size} numbers, {self.error_size} errors)"
@@ -87,6 +91,9 @@ class StateLayout:
                 rows[-1][3] += size
             else:
                 rows.append([int(b.manifold), b.state.start, b.error.start, size])
+        for vector, scale in self.stretches:
+            v, s = self.error(vector), self.error(scale)
+            rows.append([int(Manifold.STRETCH), v.start, s.start, v.stop - v.start])
         return np.array(rows, np.int64).reshape(-1, 4)
 
     @cached_property
@@ -123,9 +130,15 @@ class Gaussian:
     layout: StateLayout
 
     def std(self, name: str) -> Floats:
-        """Standard deviations of one block."""
-        s = self.layout.error(name)
-        return np.sqrt(np.maximum(np.diag(self.P)[s], 0.0))
+        """Standard deviations of one block, of a stretched vector with what its scale adds."""
+        s, P = self.layout.error(name), self.P
+        J = np.eye(len(P))[s]
+        for vector, scale in self.layout.stretches:
+            if vector == name:
+                k = self.layout.error(scale).start
+                J = J * (1.0 + self.x[k])
+                J[:, k] = self.x[self.layout.state(name)] / (1.0 + self.x[k])
+        return np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", J, P, J), 0.0))
 
 
 @final

@@ -15,7 +15,7 @@ from typing import Final, NamedTuple, final
 
 import numpy as np
 
-from outrider._kernel import kernel
+from outrider._kernel import inlined, kernel
 from outrider.core.linalg import copy
 from outrider.data import Gaussian, StateLayout, Verdict
 from outrider.errors import ConfigError
@@ -39,7 +39,7 @@ from outrider.filters.step import (
 from outrider.models.kinematics import K_P, K_V, T_P, T_TH, T_V
 from outrider.models.motion import LAYOUTS, Motion, kinematic_view
 from outrider.models.sensors.layout import THETA_SIZE
-from outrider.typing import Floats
+from outrider.typing import Floats, Ints
 
 PIECE: Final = 65_536  # events per call of the compiled loop
 POSE_SIZE: Final = 9  # position, velocity, attitude rows of the pose covariance
@@ -135,6 +135,18 @@ def run_events(
     return rows
 
 
+@inlined
+def own_variance(x: Floats, P: Floats, table: Ints, i: int) -> float:
+    """Variance of error i by itself: that of a stretched vector's component with what its scale adds."""
+    for b in range(table.shape[0]):
+        if table[b, 0] == 3 and table[b, 1] <= i < table[b, 1] + table[b, 3]:
+            k = table[b, 2]
+            grown = 1.0 + x[k]
+            a = x[i] / grown
+            return float(grown * grown * P[i, i] + a * (2.0 * grown * P[i, k] + a * P[k, k]))
+    return float(P[i, i])
+
+
 @kernel
 def write(model: Model, s: State, ws: Scratch, track: Track, row: int) -> None:
     """Copy the estimate into a row of `track`."""
@@ -142,7 +154,7 @@ def write(model: Model, s: State, ws: Scratch, track: Track, row: int) -> None:
     track.t[row] = s.clock[C_NOW]
     copy(s.x, track.x[row])
     for i in range(n):
-        track.sd[row, i] = np.sqrt(max(s.P[i, i], 0.0))
+        track.sd[row, i] = np.sqrt(max(own_variance(s.x, s.P, model.table, i), 0.0))
         track.age[row, i] = s.clock[C_NOW] - s.age[i]
     kinematic_view(model.code, s.x, s.u, model.theta, ws.k, ws.K)
     # J P J' with J the rows of position, velocity and attitude in the kinematic view

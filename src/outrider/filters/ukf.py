@@ -15,7 +15,7 @@ import numpy as np
 from outrider._kernel import inlined
 from outrider.core.angles import wrap
 from outrider.core.linalg import add_product, cholesky, mirror, solve_lower, solve_lower_rows, solve_upper_rows
-from outrider.core.manifold import local, retract, rotate_right
+from outrider.core.manifold import local, retract, rotate_right, stretch
 from outrider.data.belief import Gaussian
 from outrider.errors import ConfigError, DataError
 from outrider.filters.ekf import Updated, kept, transport
@@ -120,6 +120,8 @@ def perturb(X: Floats, E: Floats, table: Ints) -> None:
                     X[i, i0 + j] += E[i, k0 + j]
             elif code == 1:
                 X[i, i0] = wrap(X[i, i0] + E[i, k0])
+            elif code == 3:
+                stretch(X[i], i0, k0, size, E[i])
             else:
                 rotate_right(X[i], i0, E[i, k0], E[i, k0 + 1], E[i, k0 + 2])
 

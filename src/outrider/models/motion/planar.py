@@ -43,6 +43,7 @@ LAYOUT: Final = StateLayout(
     ("wheel_scale", 1, ""),
     ("gnss_bias", 2, "m"),
     ("range_bias", 1, "m"),
+    stretches=(("velocity", "wheel_scale"),),
 )
 PX, PY, YAW, VX, VY, W, BG, SC, BN, BR = 0, 1, 2, 3, 4, 5, 6, 7, 8, 10
 
@@ -76,8 +77,10 @@ def propagate(x: Floats, dt: float, u: Floats, theta: Floats, F: Floats, Q: Floa
     x[VY] = decay * vy
 
     F[PX, YAW], F[PY, YAW] = -step_y, step_x
-    F[PX, VX], F[PX, VY] = c * dt, -s * reach
-    F[PY, VX], F[PY, VY] = s * dt, c * reach
+    grown = 1.0 + x[SC]  # errors of velocity are in what the wheels say, see `stretches`
+    F[PX, VX], F[PX, VY] = grown * c * dt, -grown * s * reach
+    F[PY, VX], F[PY, VY] = grown * s * dt, grown * c * reach
+    F[PX, SC], F[PY, SC] = step_x / grown, step_y / grown
     F[PX, W], F[PY, W] = -0.5 * step_y * dt, 0.5 * step_x * dt
     F[YAW, W] = dt
     F[VY, VY] = decay
@@ -94,15 +97,22 @@ def propagate(x: Floats, dt: float, u: Floats, theta: Floats, F: Floats, Q: Floa
     Q[PX, PX] = q_p + h * h * (c * c * q_v + s * s * q_l)
     Q[PY, PY] = q_p + h * h * (s * s * q_v + c * c * q_l)
     Q[PX, PY] = Q[PY, PX] = h * h * c * s * (q_v - q_l)
-    Q[PX, VX] = Q[VX, PX] = h * c * q_v
-    Q[PY, VX] = Q[VX, PY] = h * s * q_v
-    Q[PX, VY] = Q[VY, PX] = -h * s * q_l
-    Q[PY, VY] = Q[VY, PY] = h * c * q_l
-    Q[VX, VX], Q[VY, VY], Q[W, W] = q_v, q_l, q_w
+    Q[PX, VX] = Q[VX, PX] = h * c * q_v / grown
+    Q[PY, VX] = Q[VX, PY] = h * s * q_v / grown
+    Q[PX, VY] = Q[VY, PX] = -h * s * q_l / grown
+    Q[PY, VY] = Q[VY, PY] = h * c * q_l / grown
+    Q[W, W] = q_w
     Q[YAW, YAW] = walk_heading * walk_heading * travelled + h * h * q_w
     Q[YAW, W] = Q[W, YAW] = h * q_w
     Q[BG, BG] = theta[6] * theta[6] * dt
-    Q[SC, SC] = theta[7] * theta[7] * travelled
+    # a scale that walks changes what the wheels say of a speed, and not the speed
+    q_s, a, b = theta[7] * theta[7] * travelled, -vx / (grown * grown), -decay * vy / (grown * grown)
+    Q[SC, SC] = q_s
+    Q[VX, SC] = Q[SC, VX] = a * q_s
+    Q[VY, SC] = Q[SC, VY] = b * q_s
+    Q[VX, VX] = q_v / (grown * grown) + a * a * q_s
+    Q[VY, VY] = q_l / (grown * grown) + b * b * q_s
+    Q[VX, VY] = Q[VY, VX] = a * b * q_s
     keep = exp(-dt / theta[9])
     for i in range(2):
         x[BN + i] *= keep
@@ -125,7 +135,9 @@ def kinematic_view(x: Floats, u: Floats, theta: Floats, k: Floats, K: Floats) ->
     k[K_BN], k[K_BN + 1], k[K_BR] = x[BN], x[BN + 1], x[BR]
     K[T_P, PX] = K[T_P + 1, PY] = K[T_TH + 2, YAW] = 1.0
     K[T_V, YAW], K[T_V + 1, YAW] = -k[K_V + 1], k[K_V]
-    K[T_V, VX], K[T_V, VY], K[T_V + 1, VX], K[T_V + 1, VY] = c, -s, s, c
+    grown = 1.0 + x[SC]
+    K[T_V, VX], K[T_V, VY], K[T_V + 1, VX], K[T_V + 1, VY] = c * grown, -s * grown, s * grown, c * grown
+    K[T_V, SC], K[T_V + 1, SC] = k[K_V] / grown, k[K_V + 1] / grown
     K[T_W + 2, W] = K[T_BG + 2, BG] = K[T_S, SC] = 1.0
     K[T_BN, BN] = K[T_BN + 1, BN + 1] = K[T_BR, BR] = 1.0
 
