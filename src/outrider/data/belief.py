@@ -132,13 +132,13 @@ class Gaussian:
     def std(self, name: str) -> Floats:
         """Standard deviations of one block, of a stretched vector with what its scale adds."""
         s, P = self.layout.error(name), self.P
-        J = np.eye(len(P))[s]
+        rows = np.eye(len(P))[s]
         for vector, scale in self.layout.stretches:
             if vector == name:
                 k = self.layout.error(scale).start
-                J = J * (1.0 + self.x[k])
-                J[:, k] = self.x[self.layout.state(name)] / (1.0 + self.x[k])
-        return np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", J, P, J), 0.0))
+                rows *= 1.0 + self.x[k]
+                rows[:, k] = self.x[self.layout.state(name)] / (1.0 + self.x[k])
+        return np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", rows, P, rows), 0.0))
 
 
 @final
