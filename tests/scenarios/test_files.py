@@ -219,3 +219,16 @@ def test_no_sensor_is_that_fast(tmp_path: Path, rate: str) -> None:
     path.write_text(YARD.replace("{type: gnss, rate_hz: 5}", f"{{type: gnss, rate_hz: {rate}}}"))
     with pytest.raises(ConfigError, match=r"yard\.yaml:\d+: .*rate_hz: should be .*20000"):
         load_scenario(str(path))
+
+
+def test_sizes_and_speeds_are_positive_and_of_this_world(tmp_path: Path) -> None:
+    path = tmp_path / "yard.yaml"
+    for old, new, words in (
+        ("side: 60", "side: -60", r"world\.place\.side: should be more than 0"),
+        ("type: differential,", "type: differential, radius: 1.0e+6,", r"vehicle\.radius: should be 10000 or less"),
+    ):
+        path.write_text(YARD.replace(old, new))
+        with pytest.raises(ConfigError, match=words):
+            load_scenario(str(path))
+    with pytest.raises(ConfigError, match=r"--set speed: should be greater than 0, is -1"):
+        load_scenario("patrol", {"speed": -1})

@@ -41,6 +41,9 @@ def run(summary: Mapping[str, Any], folder: Path, *, quiet: bool = False) -> Non
             f"{_number(fence['distance_m'])} m" if fence else NONE, f"{_number(own['rmse_m'])} m" if own else NONE,
         )  # fmt: skip
     _print_table(out, table)
+    for name, r in summary["robots"].items():
+        if r["fence"] and r["fence"]["distance_m"] < 0.0:
+            out.print(Text(f"{name} left the fence, by {_number(-r['fence']['distance_m'])} m at worst", "yellow"))
     for s in summary["separations"]:
         pair = " and ".join(s["robots"])
         out.print(Text(f"{pair} came within {_number(s['distance_m'])} m of each other, after {s['t_s']:.1f} s"))

@@ -8,7 +8,7 @@ from pydantic import Field, create_model
 
 from outrider.io.checked import Flag, Whole
 from outrider.models.vehicles import Differential, Mecanum, Multirotor, Pad, Rotorcraft, Steered, Vehicle
-from outrider.scenarios.sections import STRICT, Number, Part, Table, inner_section, section_of, tagged
+from outrider.scenarios.sections import STRICT, Number, Part, Table, bounded, inner_section, section_of, tagged
 from outrider.sim import places, sensors
 from outrider.sim.monitor import Hull
 from outrider.sim.radio import Radio
@@ -66,7 +66,10 @@ Point: TypeAlias = tuple[Number, Number, Number]
 def place_section(name: str, place: Callable[..., World]) -> Any:
     """The section of a function that makes a world: its arguments."""
     given: dict[str, Any] = {
-        p.name: (STRICT.get(p.annotation, p.annotation), p.default if p.default is not Parameter.empty else ...)
+        p.name: (
+            bounded(STRICT.get(p.annotation, p.annotation), p.name),
+            p.default if p.default is not Parameter.empty else ...,
+        )
         for p in signature(place, eval_str=True).parameters.values()
         if p.name not in SET_BY_THE_FILE
     }

@@ -40,6 +40,8 @@ ANGLES: Final[Mapping[str, tuple[str, ...]]] = {
 }
 """Fields in radians, or radians per second, by class."""
 FASTEST: Final = 20_000.0  # Hz: no sensor of a robot is faster, and a run would not end
+LARGEST: Final = 10_000.0  # m, m/s: a site, or what moves in it
+SIZES: Final = ("side", "speed", "radius")
 COUNTS: Final = ("beams", "wheels", "satellites")
 
 
@@ -153,13 +155,15 @@ def _translated(hint: Any, name: str) -> Any:
         return inner_section(cast("type[Any]", hint))
     if isinstance(hint, type) and issubclass(hint, Enum):
         return Literal[tuple(e.name.lower() for e in hint)]  # type: ignore[misc]
-    return _bounded(STRICT.get(hint, hint), name)
+    return bounded(STRICT.get(hint, hint), name)
 
 
-def _bounded(kind: Any, name: str) -> Any:
-    """Rates, reaches and counts are positive, deviations, delays and shares are not negative."""
+def bounded(kind: Any, name: str) -> Any:
+    """Rates, sizes, reaches and counts are positive, deviations, delays and shares are not negative."""
     if name.endswith("_hz"):
         return Annotated[kind, Gt(0), Le(FASTEST)]
+    if name in SIZES:
+        return Annotated[kind, Gt(0), Le(LARGEST)]
     if name in ("max_range", "reach", "period_s") or (kind is Whole and name in COUNTS):
         return Annotated[kind, Gt(0)]
     if name.startswith("sigma") or name.endswith("_density") or name in ("latency_s", "jitter_s", "drop", "loss"):
