@@ -28,7 +28,7 @@ PAIRS, BUDGET_S = 100, 1.0
 
 
 @pytest.mark.parametrize("files", [CITY, ROOMS, ARENA], ids=["city", "rooms", "arena"])
-def test_every_scenario_has_its_optimal_length(recordings: Path, table: Table, files: tuple[str, str, str]) -> None:
+def test_every_scenario_has_its_optimal_length(recordings: Path, table: Table, files: tuple[str, str, bool]) -> None:
     n = len(read_moving_ai_scenarios(recordings / files[1]))
     wrong = [misses(recordings, files, AStar(jumps=jumps), every=1) for jumps in (True, False)]
     name, what = Path(files[0]).name, "optimal lengths: jump points, queued cells"

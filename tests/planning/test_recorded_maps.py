@@ -11,5 +11,5 @@ from outrider.planning.astar import AStar
 @pytest.mark.compiled
 @pytest.mark.parametrize("jumps", [True, False])
 @pytest.mark.parametrize("files", [CITY, ROOMS, ARENA], ids=["city", "rooms", "arena"])
-def test_a_sample_of_the_optimal_lengths(recordings: Path, files: tuple[str, str, str], jumps: bool) -> None:
+def test_a_sample_of_the_optimal_lengths(recordings: Path, files: tuple[str, str, bool], jumps: bool) -> None:
     assert misses(recordings, files, AStar(jumps=jumps), every=45) == []
