@@ -16,6 +16,7 @@ from outrider.models.vehicles import Mecanum
 from outrider.models.wheels import WheelKinematics, mecanum_rectangle
 from outrider.planning.astar import AStar
 from outrider.planning.local.teb import Teb
+from outrider.planning.refine import Refined
 from outrider.scenarios.navigation import navigator
 from outrider.sim.engine import Ending, Simulation, simulate
 from outrider.sim.places import BEND_TARGETS, amr_bend
@@ -61,7 +62,8 @@ def driven(world: World, goal: tuple[float, float], seed: int = 1) -> Simulation
         turn_acceleration=1.2, rims=WheelKinematics(WHEELS).inverse, rim_speed=1.3,
     )  # fmt: skip
     driver = Driver(
-        ground=world.grid, footprint=BODY, limits=limits, planner=AStar(), local=Teb(limits=limits, footprint=BODY),
+        ground=world.grid, footprint=BODY, limits=limits, planner=Refined(planner=AStar()),
+        local=Teb(limits=limits, footprint=BODY),
         inflation=Inflation(inscribed=BODY.inscribed, radius=1.2, factor=2.5),
     )  # fmt: skip
     body = Ground(navigator=navigator(SENSORS, START, EPOCH, world, flies=False), driver=driver)
