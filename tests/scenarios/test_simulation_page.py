@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 
 import numpy as np
+import pytest
 from yard import YARD
 
 from outrider.io.config import read_yaml
@@ -23,6 +24,7 @@ def shoelace(path: str) -> float:
     return sum(0.5 * abs(np.sum(r[:, 0] * np.roll(r[:, 1], -1) - r[:, 1] * np.roll(r[:, 0], -1))) for r in rings)
 
 
+@pytest.mark.compiled
 def test_the_outline_is_what_covers_the_ground() -> None:
     window = Window(-10.0, -10.0, 10.0, 10.0)
     assert abs(shoelace(outline(World(name="yard", walls=(SHED, BEAM)), window)) - 28.0) < 0.6

@@ -17,6 +17,7 @@ from outrider.io.route_graphs import read_route_graph
 from outrider.io.sites import read_site
 from outrider.workflows.map_site import map_site
 
+pytestmark = pytest.mark.compiled  # cells by the hundred thousand
 DATA = Path(os.environ.get("OUTRIDER_DATA", Path(__file__).resolve().parents[3] / "shared" / "data"))
 YARD = """\
 name: yard
