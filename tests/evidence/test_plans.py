@@ -24,7 +24,7 @@ MAPS = {
     "warehouse": ("nav2/nav2_bringup/maps/warehouse.pgm", 0.03),
 }
 WILLOW = "ros-navigation/navfn/test/willow_costmap.pgm"
-PAIRS, BUDGET_S = 100, 1.0
+PAIRS, BUDGET_S = 100, 2.0
 
 
 @pytest.mark.parametrize("files", [CITY, ROOMS, ARENA], ids=["city", "rooms", "arena"])
