@@ -4,6 +4,8 @@ import argparse
 import importlib
 import pkgutil
 import platform
+import shlex
+import sys
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -17,9 +19,10 @@ from benchmarks.table import HEADER, Row, Timing, cells, markdown, measure
 PAGE = Path(__file__).parents[1] / "docs" / "evidence" / "benchmarks.md"
 
 
-def registry() -> list[Row]:
-    """The rows of every module of this package that has any."""
+def registry(without: list[str]) -> list[Row]:
+    """The rows of every module of this package that has any, but those `without`."""
     names = sorted(m.name for m in pkgutil.iter_modules(benchmarks.__path__) if not m.name.startswith("_"))
+    names = [name for name in names if name not in without]
     modules = [importlib.import_module(f"benchmarks.{name}") for name in names]
     return [row for module in modules if hasattr(module, "rows") for row in module.rows()]
 
@@ -39,7 +42,7 @@ def preamble(repetitions: int) -> list[str]:
         f"Python {platform.python_version()}, " + ", ".join(f"{p} {_version(p)}" for p in packages),
         f"{repetitions} repetitions of all sides, interleaved, one thread; the ratio is the median over repetitions",
         "Machines, and one machine from hour to hour, differ by a factor of two or more: trust the ratios",
-        "Made by `python -m benchmarks --write`",
+        f"Made by `{shlex.join(['python', '-m', 'benchmarks', *sys.argv[1:]])}`",
     ]
 
 
@@ -65,11 +68,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
     parser.add_argument("--write", action="store_true", help=f"keep the table in {PAGE.parent.name}/{PAGE.name}")
     parser.add_argument("--only", default="", metavar="TEXT", help="rows whose name contains this text")
+    parser.add_argument("--without", action="append", default=[], metavar="MODULE", help="leave out, as `planning`")
     parser.add_argument("--repetitions", type=int, default=15)
     asked = parser.parse_args()
     console = Console()
     timings: list[Timing] = []
-    for row in registry():
+    for row in registry(asked.without):
         if asked.only.lower() in row.name.lower():
             with console.status(f"{row.name} (the first run compiles)"):
                 timings.append(measure(row, asked.repetitions))
