@@ -5,16 +5,20 @@ BIN    := $(VENV)/bin
 RUN    := $(BIN)/python -m
 
 .PHONY: demo test lint types layers check-compiled check-plain evidence bench clean
-demo: $(VENV)/.ready
+demo: $(VENV)/.installed
 	$(BIN)/outrider demo --output demo --force
 
 # The two passes of the tests need a core each; what either prints comes when it ends.
 test: lint types layers
 	$(MAKE) --jobs=2 --output-sync --keep-going check-compiled check-plain
 
-$(VENV)/.ready: pyproject.toml constraints.txt
+$(VENV)/.installed: pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(RUN) pip install --quiet --disable-pip-version-check "pip>=25.1"
+	$(RUN) pip install --quiet --disable-pip-version-check -c constraints.txt -e .
+	touch $@
+
+$(VENV)/.ready: $(VENV)/.installed
 	$(RUN) pip install --quiet --disable-pip-version-check -c constraints.txt --group dev -e .
 	touch $@
 
