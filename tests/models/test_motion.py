@@ -161,3 +161,37 @@ def test_follower_reaches_its_command():
     for _ in range(100):
         x = step(Motion.FOLLOWER, x, 0.1, np.array([2.0, -1.0, 0.5, 0, 0, 0]))[0]
     assert np.allclose(x[3:], [2.0, -1.0, 0.5], atol=1e-5)
+
+
+def own_coordinates(motion, x, h=1e-6):
+    """d state / d error at x, where no rotation is: from errors of a stretched vector to those of the vector itself."""
+    layout = LAYOUTS[motion]
+    T = np.zeros((layout.size, layout.error_size))
+    for j in range(layout.error_size):
+        d = np.zeros(layout.error_size)
+        d[j] = h
+        ahead, behind = x.copy(), x.copy()
+        retract(ahead, d, layout.table)
+        retract(behind, -d, layout.table)
+        T[:, j] = (ahead - behind) / (2 * h)
+    return T
+
+
+@pytest.mark.parametrize("scale", [-0.3, 0.0, 0.04, 0.5])
+def test_the_scale_of_the_wheels_changes_no_noise_of_the_motion(scale):
+    """Q and F in plain coordinates: an acceleration is as large, and a walking scale moves nothing, at every scale."""
+    layout, dt, robot = LAYOUTS[Motion.PLANAR], 0.1, PARAMETERS[Motion.PLANAR]
+    plain = {}
+    for s in (scale, 0.0):
+        x = layout.zeros()
+        x[layout.state("velocity")], x[layout.state("heading")] = [1.5, 0.2], 0.7
+        x[layout.state("wheel_scale")] = s
+        end, F, Q = step(Motion.PLANAR, x, dt, np.zeros(6))
+        T, back = own_coordinates(Motion.PLANAR, end), np.linalg.inv(own_coordinates(Motion.PLANAR, x))
+        plain[s] = T @ Q @ T.T, T @ F @ back
+    np.testing.assert_allclose(plain[scale][0], plain[0.0][0], atol=1e-10)
+    np.testing.assert_allclose(plain[scale][1], plain[0.0][1], atol=1e-8)
+    v, s = layout.state("velocity"), layout.state("wheel_scale")
+    assert plain[scale][0][v, v][0, 0] == pytest.approx(robot.acceleration**2 * dt)
+    assert np.abs(plain[scale][0][v, s]).max() < 1e-12
+    assert np.abs(plain[scale][1][layout.state("position"), s]).max() < 1e-8  # a speed that is known moves as it says

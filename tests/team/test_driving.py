@@ -62,7 +62,7 @@ def driven(world: World, goal: tuple[float, float], seed: int = 1) -> Simulation
         turn_acceleration=1.2, rims=WheelKinematics(WHEELS).inverse, rim_speed=1.3,
     )  # fmt: skip
     driver = Driver(
-        ground=world.grid, footprint=BODY, limits=limits, planner=Refined(planner=AStar()),
+        ground=world.grid, footprint=BODY, planner=Refined(planner=AStar()),
         local=Teb(limits=limits, footprint=BODY),
         inflation=Inflation(inscribed=BODY.inscribed, radius=1.2, factor=2.5),
     )  # fmt: skip

@@ -36,7 +36,7 @@ class Ended(Enum):
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Order:
     """Go and look. number : of the order, never used twice;  alert : what it is about;  view : (3,) east, north [m]
-    and heading [rad] to stand at;  until_s : when it is too late."""
+    and heading [rad] to stand at;  until_s : when it is too late [s], on the clock of `Inputs.t_s`."""
 
     number: int
     alert: int
@@ -63,8 +63,9 @@ class Rules:
 class Inputs:
     """What a transition looks at.
 
-    t_s : s;  arrived : at the goal of the present duty;  unreachable : that goal, as the planner says;  battery : share
-    left;  order : one that has just come;  cancelled : numbers of orders that are called off;  stops : of the round.
+    t_s : s, on a clock that robots and station share;  arrived : at the goal of the present duty;  unreachable : that
+    goal, as the planner says;  battery : share left;  order : one that has just come;  cancelled : numbers of orders
+    that are called off;  stops : of the round.
     """
 
     t_s: float

@@ -12,7 +12,7 @@ from typing import Final, final
 import numpy as np
 
 from outrider.core.angles import wrap
-from outrider.data.driving import DriveLimits, LocalOutcome, LocalPlan, LocalPlanner, Situation
+from outrider.data.driving import LocalOutcome, LocalPlan, LocalPlanner, Situation
 from outrider.data.footprint import Footprint
 from outrider.data.grid import INSCRIBED, LETHAL, UNKNOWN, Costmap, Grid
 from outrider.data.routes import GlobalPlanner, Path, PathOutcome
@@ -75,7 +75,6 @@ class Driver:
         *,
         ground: Grid,
         footprint: Footprint,
-        limits: DriveLimits,
         planner: GlobalPlanner,
         local: LocalPlanner,
         inflation: Inflation,
@@ -84,7 +83,6 @@ class Driver:
         sees: bool = True,
     ) -> None:
         self._planner, self._local, self._settings, self._sees = planner, local, settings, sees
-        self._limits = limits
         self._map = LayeredCostmap(ground, inflation=inflation, footprint=footprint, keep_out=keep_out)
         self._goal: Floats | None = None
         self._path: Path | None = None
@@ -124,7 +122,9 @@ class Driver:
 
     def _look(self, t_s: float, here: Fused, pose: Floats, scans: Sequence[Scan], others: Sequence[Other]) -> str:
         """Enter what came in; why the robot is blind, or nothing."""
-        if not np.isfinite(pose).all():
+        if not (
+            np.isfinite(pose).all() and np.isfinite(here.v).all() and np.isfinite(here.w) and np.isfinite(here.P).all()
+        ):
             return "the estimate is not finite"
         worst = float(np.sqrt(np.linalg.eigvalsh(here.P[:2, :2])[-1]))
         if not worst <= self._settings.sigma:

@@ -63,12 +63,10 @@ class Patrol:
     _granted: int = -1
     _wanted: int = -1
     _ended: tuple[tuple[int, Report], ...] = ()
-    _start: int = -1
     _said: int = -(10**18)
 
     def act(self, t: int, records: Sequence[Stream], inbox: Sequence[Message]) -> Action:
         """Hear, decide what to be about, drive there, say so."""
-        self._start = t if self._start < 0 else self._start
         order, cancelled = self._hear(inbox)
         before = self.mission
         note = self._decide(t, order, cancelled)
@@ -101,7 +99,7 @@ class Patrol:
     def _decide(self, t: int, order: Order | None, cancelled: tuple[int, ...]) -> str:
         before = self.mission
         inputs = Inputs(
-            t_s=(t - self._start) * 1e-9,
+            t_s=t * 1e-9,
             arrived=self._answer.state is Drive.ARRIVED,
             unreachable=self._answer.state is Drive.UNREACHABLE,
             battery=self.share,

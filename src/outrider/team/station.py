@@ -73,15 +73,14 @@ class Station:
     passages: Passages = field(default_factory=Passages)
     _heard: dict[str, Status] = field(default_factory=dict[str, Status])
     _orders: dict[int, int] = field(default_factory=dict[int, int])
-    _start: int = -1
 
     def act(self, t: int, records: Sequence[Stream], inbox: Sequence[Message]) -> Action:
         """Listen, book, assign, tell."""
-        if self._start < 0:
-            self._start = t
         for m in inbox:
             self._hear(t, m)
-        notes = [*self._take(t), *self._expire(t), *self._send(t)]
+        notes = self._take(t)
+        self._expire(t)
+        notes += self._send(t)
         return Action(command=np.zeros(0), messages=tuple(self._words(t)), note="; ".join(notes))
 
     @property
@@ -138,7 +137,7 @@ class Station:
         gap = float(np.hypot(*(e.alert.p - alert.p)))
         return not e.state.ended and e.state is not AlertState.DUPLICATE and gap < self.same
 
-    def _expire(self, t: int) -> list[str]:
+    def _expire(self, t: int) -> None:
         """Alerts for which nobody is under way in time, and robots that have gone silent."""
         for number, e in self.book.items():
             late = t - e.alert.t > e.alert.patience_s * 1e9
@@ -146,7 +145,6 @@ class Station:
                 self.book[number] = e.became(t, AlertState.TIMED_OUT)
             elif e.state in (AlertState.ASSIGNED, AlertState.ON_SCENE) and not self._fresh(t, e.robot):
                 self.book[number] = e.became(t, AlertState.WAITING, order=None)
-        return []
 
     def _fresh(self, t: int, robot: str) -> bool:
         return robot in self._heard and t - self._heard[robot].t < SILENT_S * 1e9
@@ -171,7 +169,7 @@ class Station:
         for i, j in assign(costs) if len(free) else ():
             robot, e = free[i].robot, waiting[j]
             cost, view = ways[robot, e.alert.number]
-            until = (e.alert.t - self._start) * 1e-9 + e.alert.patience_s
+            until = e.alert.t * 1e-9 + e.alert.patience_s
             number = len(self._orders)
             self._orders[number] = e.alert.number
             order = Order(number=number, alert=e.alert.number, view=view, hold_s=e.alert.hold_s, until_s=until)
