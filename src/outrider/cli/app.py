@@ -1,14 +1,13 @@
 """The commands and their options. Each parses, calls one workflow, prints what came of it and returns an exit code."""
 
-import shlex
-import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from outrider.cli import mapping as maps
 from outrider.cli import parse
+from outrider.cli import run as scenarios
 from outrider.cli.options import (
     FOLDER,
     AsJson,
@@ -25,6 +24,7 @@ from outrider.cli.options import (
     Topics,
 )
 from outrider.cli.output import tell
+from outrider.cli.shared import hush_matplotlib, print_json, typed
 from outrider.errors import ExitCode, UsageError
 
 app = typer.Typer(
@@ -98,27 +98,24 @@ def fuse(
 
     settings = load_config(config, overrides)
     from outrider.cli.progress import Progress
-    from outrider.io.files import as_text
     from outrider.io.registry import check_input
     from outrider.io.runs import ensure_free
 
     check_input(log, start_s=start, end_s=end, mapping=mapping)  # before the compiler is loaded
     folder = output or Path(f"{log.resolve().stem}-run")
-    _hush_matplotlib()
+    hush_matplotlib()
     ensure_free(folder, force=force)
     with Progress(quiet=quiet) as progress:
         from outrider.workflows.fuse_file import Input, document, fuse_file
 
         source = Input(log=log, topics=topic, start_s=start, end_s=end, mapping=mapping, robot=robot)
-        typed = [as_text(a) for a in sys.argv]
-        command = shlex.join(["outrider", *typed[1:]]) if typed[0].endswith("outrider") else ""
-        run = fuse_file(source, folder, settings, force=force, report=report, command=command, progress=progress)
+        run = fuse_file(source, folder, settings, force=force, report=report, command=typed(), progress=progress)
     from outrider.cli import render
     from outrider.workflows.summary import exit_code
 
     summary = document(run, source)
     if json:
-        return _print_json({**summary, "folder": str(folder)}, exit_code(run))
+        return print_json({**summary, "folder": str(folder)}, exit_code(run))
     render.run(summary, folder, quiet=quiet, verbose=verbose)
     return exit_code(run)
 
@@ -171,13 +168,13 @@ def compare(
     from outrider.cli import render
     from outrider.workflows.compare import compare_files
 
-    _hush_matplotlib()
+    hush_matplotlib()
     done = compare_files(estimate, reference, max_gap_s=max_gap, align=align, topic=topic, output=output, force=force)
     if estimate.samefile(reference):
         tell(f"outrider: {estimate}: compared with itself, so nothing differs\n")
     code = ExitCode.OK if done.within(max_rmse) else ExitCode.FAILED_CHECK
     if json:
-        return _print_json(done.as_dict(), code)
+        return print_json(done.as_dict(), code)
     render.comparison(done, max_rmse, output)
     return code
 
@@ -196,7 +193,7 @@ def demo(
     """Record a simulated patrol with the faults of the field, fuse it, and compare with what really happened."""
     from outrider.cli.progress import Progress
 
-    _hush_matplotlib()
+    hush_matplotlib()
     with Progress(quiet=quiet) as progress:
         from outrider.workflows.demo import run_demo
 
@@ -204,7 +201,7 @@ def demo(
     from outrider.cli import render
 
     if json:
-        return _print_json(
+        return print_json(
             {**done.summary, "comparison": done.comparison.as_dict(), "folder": str(output)}, done.exit_code
         )
     render.demo(done, output, quiet=quiet)
@@ -237,66 +234,14 @@ def sources(
         source = Input(log=log, topics=topic, start_s=start, end_s=end, mapping=mapping, robot=robot)
         listing = list_sources(source.read(settings.robot, progress), settings)
     if json:
-        return _print_json(listing.as_dict(), ExitCode.OK)
+        return print_json(listing.as_dict(), ExitCode.OK)
     from outrider.cli import render
 
     render.sources(listing)
     return ExitCode.OK
 
 
-@app.command("run", short_help="Simulate a scenario: robots, sensors, radio and the world around them.")
-def run_command(
-    name: Annotated[
-        str | None, typer.Argument(metavar="[FILE|NAME]", help="A scenario file (.yaml), or the name of one of ours.")
-    ] = None,
-    names: Annotated[bool, typer.Option("--list", help="Say which scenarios there are.")] = False,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="A.B=VALUE", help="Instead of what the scenario says; may be repeated."),
-    ] = None,
-    seed: Annotated[
-        int | None,
-        typer.Option("--seed", metavar="N", parser=parse.whole("--seed"), help="Seed of everything random."),
-    ] = None,
-    duration: Annotated[
-        float | None,
-        typer.Option(
-            "--duration",
-            metavar="S",
-            parser=parse.number("--duration", above=0.0),
-            help="At most so many simulated seconds.",
-        ),
-    ] = None,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Only check it, and print the whole scenario with every default.")
-    ] = False,
-    output: Output = None,
-    force: Force = False,
-    json: AsJson = False,
-    report: Annotated[bool, typer.Option("--report/--no-report", help="Write report.html.")] = True,
-    film: Annotated[
-        float | None,
-        typer.Option(
-            "--film",
-            metavar="HZ",
-            parser=parse.number("--film", above=0.0),
-            help="Also render film.gif: pictures per simulated second (MuJoCo, OpenGL).",
-        ),
-    ] = None,
-    quiet: Quiet = False,
-    debug: Debug = False,
-) -> int:
-    """Simulate a scenario into a folder: the recording, the truth, a summary and a report."""
-    from outrider.cli.run import print_scenarios, run
-
-    if names:
-        return print_scenarios(json=json)
-    return run(
-        name, settings=settings or (), seed=seed, duration=duration, output=output, dry_run=dry_run, force=force,
-        report=report, film=film or 0.0, json=json, quiet=quiet,
-    )  # fmt: skip
-
-
+app.command("run", short_help=scenarios.ABOUT)(scenarios.run_command)
 app.command("map", short_help=maps.ABOUT)(maps.map_command)
 
 
@@ -368,18 +313,4 @@ def schema(
         from outrider.workflows.settings import schema as schema_of
     else:
         raise UsageError(f"no schema '{what}'", fix="there are: fuse, scenario, site")
-    return _print_json(schema_of(), ExitCode.OK)
-
-
-def _print_json(document: dict[str, Any], code: ExitCode) -> int:
-    from outrider.io.folders import as_json
-
-    typer.echo(as_json(document))
-    return code
-
-
-def _hush_matplotlib() -> None:
-    """It logs to stderr, at length, where it keeps its fonts if the home folder is read-only."""
-    import logging
-
-    logging.getLogger("matplotlib").setLevel(logging.ERROR)
+    return print_json(schema_of(), ExitCode.OK)

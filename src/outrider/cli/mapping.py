@@ -1,7 +1,5 @@
 """`outrider map`: a drawing, a map or an image becomes a map for robots."""
 
-import shlex
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -9,6 +7,7 @@ import typer
 
 from outrider.cli import parse
 from outrider.cli.options import AsJson, Debug, Force, Output, Quiet
+from outrider.cli.shared import hush_matplotlib, print_json, typed
 
 ABOUT = "Make a map from a drawing of a site: cells, routes, zones, a picture, a report."
 
@@ -60,27 +59,19 @@ def map_command(
 
     Ends with 1 if a way or a dock that was drawn cannot be used by a robot of that radius.
     """
-    import logging
-
     from outrider.cli.progress import Progress
-    from outrider.io.files import as_text
     from outrider.workflows.map_site import ensure_free, map_site
 
-    logging.getLogger("matplotlib").setLevel(logging.ERROR)  # it tells where it keeps its fonts
+    hush_matplotlib()
     folder = output or Path(f"{site.resolve().stem}-map")
     ensure_free(folder, force=force)
-    typed = [as_text(a) for a in sys.argv]
-    command = shlex.join(["outrider", *typed[1:]]) if typed[0].endswith("outrider") else ""
     with Progress(quiet=quiet) as progress:
         done, summary = map_site(
             site, folder, control_points=control_points, resolution=resolution, radius=radius, force=force,
-            report=report, command=command, progress=progress,
+            report=report, command=typed(), progress=progress,
         )  # fmt: skip
     if json:
-        from outrider.io.folders import as_json
-
-        sys.stdout.write(as_json({**summary, "folder": str(folder)}) + "\n")
-        return done.exit_code
+        return print_json({**summary, "folder": str(folder)}, done.exit_code)
     from outrider.cli.mapped import show
 
     show(summary, folder, quiet=quiet)
