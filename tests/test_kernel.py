@@ -76,9 +76,9 @@ def test_the_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.delenv(name, raising=False)
     assert _kernel.cache_directory() is None
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "x"))
-    assert _kernel.cache_directory() == tmp_path / "x" / "outrider" / "kernels" / _kernel._sources_stamp()
+    assert _kernel.cache_directory() == tmp_path / "x" / "outrider" / "kernels"
     monkeypatch.setenv("OUTRIDER_CACHE", str(tmp_path / "o"))
-    assert _kernel.cache_directory() == tmp_path / "o" / "kernels" / _kernel._sources_stamp()
+    assert _kernel.cache_directory() == tmp_path / "o" / "kernels"
 
 
 def test_the_notice_says_what_to_do(

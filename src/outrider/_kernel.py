@@ -6,18 +6,17 @@ in its disk cache (numba issues 2956 and 6264), so models are chosen by integer 
 
 `NUMBA_DISABLE_JIT=1` runs every kernel as plain Python; the test-suite does so once, for shapes, bounds and coverage.
 
-numba's own cache notices a change of the file that defines a function, not of the files whose functions it calls. The
-cache therefore lives in a folder named after the state of *all* our sources. Where that folder cannot be read or
-written, everything is compiled in memory, in every process anew.
+numba's own cache notices a change of the file that defines a function, not of the files whose functions it calls. What
+is compiled from a file therefore lives in a folder named after the content of that file and of all that it imports from
+us (`_sources`). Where the cache cannot be read or written, everything is compiled in memory, in every process anew.
 """
 
-import hashlib
 import os
 import sys
 import tempfile
 from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
-from functools import cache, cached_property, update_wrapper
+from functools import cached_property, update_wrapper
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -25,33 +24,12 @@ import numba
 from numba.core import caching
 from numba.core.event import TimingListener, install_listener
 
+from outrider._sources import package_stamp, stamp
+
 F = TypeVar("F", bound=Callable[..., object])
 
-_PACKAGE = Path(__file__).parent
+_TOLD = f"{sys.version_info[:3]} {numba.__version__}"
 _CACHE_SIZE = 1 << 23  # bytes that one process's kernels need on the disk, about
-
-
-@cache
-def _sources_stamp() -> str:
-    """A short name that changes whenever one of our source files does (name, size and modification time)."""
-    digest = hashlib.blake2s(f"{sys.version_info[:3]} {numba.__version__}".encode(), digest_size=8)
-    for layer in (
-        "_kernel.py",
-        "core",
-        "models",
-        "mapping",
-        "safety",
-        "planning",
-        "guidance",
-        "filters",
-        "sim",
-        "eval",
-    ):
-        root = _PACKAGE / layer
-        for path in sorted(root.rglob("*.py")) if root.is_dir() else [root]:
-            stat = path.stat()
-            digest.update(f"{path.relative_to(_PACKAGE)} {stat.st_size} {stat.st_mtime_ns};".encode())
-    return digest.hexdigest()
 
 
 def cache_directory() -> Path | None:
@@ -59,7 +37,7 @@ def cache_directory() -> Path | None:
     chosen, usual = os.environ.get("OUTRIDER_CACHE"), os.environ.get("XDG_CACHE_HOME")
     with suppress(RuntimeError):  # no $HOME, and the system does not know the user either
         base = Path(chosen) if chosen else (Path(usual) if usual else Path.home() / ".cache") / "outrider"
-        return base / "kernels" / _sources_stamp()
+        return base / "kernels"
     return None
 
 
@@ -92,13 +70,26 @@ def enabled() -> bool:
 
 
 def is_warm() -> bool:
-    """Whether an earlier run has left compiled kernels on the disk."""
+    """Whether an earlier run of these sources has left compiled kernels on the disk."""
+    return not enabled() or ((mark := _mark()) is not None and mark.exists())
+
+
+def _mark() -> Path | None:
+    """An empty file that says so."""
     folder = _kept_in()
-    return not enabled() or (folder is not None and any(folder.rglob("*.nbc")))
+    return None if folder is None else folder / f"{package_stamp(_TOLD)}.warm"
 
 
 class _Place(caching.CompileResultCacheImpl._locator_classes[0]):  # type: ignore[misc]
     """A folder that need not be writable: it may hold what somebody else has compiled."""
+
+    def __init__(self, py_func: Any, py_file: str) -> None:
+        super().__init__(py_func, py_file)
+        self._stamp = stamp(Path(py_file), _TOLD)
+        self._cache_path = str(Path(numba.config.CACHE_DIR) / self._stamp)  # type: ignore[attr-defined]
+
+    def get_source_stamp(self) -> str:
+        return self._stamp
 
     @classmethod
     def from_function(cls, py_func: Any, py_file: str) -> Any:
@@ -122,6 +113,8 @@ class _Cache(caching.FunctionCache):
     def save_overload(self, sig: Any, data: Any) -> None:
         try:
             super().save_overload(sig, data)
+            if (mark := _mark()) is not None:
+                mark.touch()
         except OSError as e:
             _Cache.fault = f"{_kept_in()}: {(e.strerror or str(e)).lower()}"
         except Exception:  # a damaged index
