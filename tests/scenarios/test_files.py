@@ -56,6 +56,14 @@ IMPOSSIBLE = {
         r"mission: cannot tell where it is .give it a gnss",
     ),
     "waypoint": ("mission: {type: tour, waypoints: [[1, 2, 3, 4]]}", r"mission: a waypoint of 4 numbers"),
+    "goal": ("mission: {type: goto, goals: [[1]]}", r"mission: a goal of 1 numbers .give east, north"),
+    "no goals": ("mission: {type: goto, goals: []}", r"mission\.goals: should be 1 entry or more"),
+    "slow goto": ("mission: {type: goto, goals: [[1, 2]], drive: {turn: 0}}", r"drive\.turn: should be more than 0"),
+    "blind goto": ("sensors: []\n    mission: {type: goto, goals: [[1, 2]]}", r"mission: cannot tell where it is"),
+    "two lidars": (
+        "sensors: [{type: lidar}, {type: lidar, name: rear}, {type: gnss}]\n    mission: {type: goto, goals: [[1, 2]]}",
+        r"mission: .*2 lidars .a robot that drives by itself looks with one",
+    ),
     "track and vehicle": (
         "mission: {type: track, points: [[1, 2, 0], [3, 4, 0]]}",
         r"mission: a track carries its robot",

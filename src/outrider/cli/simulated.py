@@ -23,7 +23,8 @@ def listing(scenarios: Sequence[Mapping[str, Any]]) -> None:
 def run(summary: Mapping[str, Any], folder: Path, *, quiet: bool = False) -> None:
     """Outcome, robots, closest approaches, messages."""
     out = console()
-    good = summary["outcome"]["code"] in ("goal", "time")
+    goals = [goal["outcome"] == "arrived" for r in summary["robots"].values() for goal in r["goals"]]
+    good = summary["outcome"]["code"] in ("goal", "time") and all(goals)
     text = str(summary["outcome"]["text"])
     out.print(Text(text, "bold green" if good else "bold red"))
     if quiet:
@@ -44,6 +45,9 @@ def run(summary: Mapping[str, Any], folder: Path, *, quiet: bool = False) -> Non
     for name, r in summary["robots"].items():
         if r["fence"] and r["fence"]["distance_m"] < 0.0:
             out.print(Text(f"{name} left the fence, by {_number(-r['fence']['distance_m'])} m at worst", "yellow"))
+    for name, r in summary["robots"].items():
+        for goal in r["goals"]:
+            out.print(_goal(name, goal))
     for s in summary["separations"]:
         pair = " and ".join(s["robots"])
         out.print(Text(f"{pair} came within {_number(s['distance_m'])} m of each other, after {s['t_s']:.1f} s"))
@@ -54,6 +58,15 @@ def run(summary: Mapping[str, Any], folder: Path, *, quiet: bool = False) -> Non
     report = folder / "report.html"
     out.print(Text(f"report: {report}" if report.exists() else f"written to {folder}"))
     out.print(Text(f"try: {_invitation(summary, folder)}"))
+
+
+def _goal(name: str, goal: Mapping[str, Any]) -> Text:
+    """One goal in one line."""
+    where = f"{name} to ({goal['east_m']:g}, {goal['north_m']:g})"
+    if goal["outcome"] != "arrived":
+        return Text(f"{where}: {goal['outcome']}: {goal['reason']}", "yellow")
+    parts = f"estimate {_number(goal['of_estimate_m'])} m, control {_number(goal['of_control_m'])} m"
+    return Text(f"{where}: arrived after {goal['t_s']:.1f} s, {_number(goal['error_m'])} m off ({parts})")
 
 
 def _invitation(summary: Mapping[str, Any], folder: Path) -> str:

@@ -26,14 +26,15 @@ FAR = 15.0  # m: larger distances are cut off, the small ones matter
 def write_simulation_report(run: Simulation, summary: Json, path: Path, *, scenario: str, command: str = "") -> None:
     """Write the page. summary : schema `outrider.simulation/1`;  scenario : its resolved text;  command : what to type
     to get the run again."""
-    picture, data = stage(run)
+    goals = {name: [(g["east_m"], g["north_m"]) for g in r["goals"]] for name, r in summary["robots"].items()}
+    picture, data = stage(run, goals)
     figure = simulation_figure(run)
     html = (
         page_environment()
         .get_template("simulation.html.j2")
         .render(
             s=summary,
-            tone="good" if summary["outcome"]["code"] in ("goal", "time") else "error",
+            tone=_tone(summary),
             stage=picture,
             data=Markup(json.dumps(data, separators=(",", ":")).replace("</", "<\\/")),
             curves=Markup(to_svg(figure, "distances over time")) if figure else "",
@@ -41,6 +42,7 @@ def write_simulation_report(run: Simulation, summary: Json, path: Path, *, scena
             keys=KEYS,
             colours=colours(run),
             cards=_cards(summary),
+            goals=[(name, k + 1, g) for name, r in summary["robots"].items() for k, g in enumerate(r["goals"])],
             scenario=scenario,
             command=command or f"outrider run {_word(summary['scenario'])} --seed {summary['seed']}",
             palette=[(css_name(light), light, dark) for light, dark in DARK.items()],
@@ -69,6 +71,13 @@ def simulation_figure(run: Simulation) -> Figure | None:
             top = min(FAR, max(float(np.max(v)) for *_, v in curves) * 1.05)
             ax.set_ylim(min(0.0, *(float(np.min(v)) for *_, v in curves)), max(top, 0.1))
     return finish(figure, list(handles.values()))
+
+
+def _tone(summary: Json) -> str:
+    if summary["outcome"]["code"] not in ("goal", "time"):
+        return "error"
+    missed = [g for r in summary["robots"].values() for g in r["goals"] if g["outcome"] != "arrived"]
+    return "warning" if missed else "good"
 
 
 def _curves(run: Simulation) -> dict[str, list[Curve]]:

@@ -1,9 +1,9 @@
 """A simulation from above, as SVG that a script moves: the outline of the world, tracks, robots, movers."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import ceil, log10
-from typing import Any, Final, final
+from typing import Any, Final, TypeAlias, final
 
 import numpy as np
 from markupsafe import Markup, escape
@@ -22,6 +22,8 @@ FRAMES: Final = 900  # of the animation, at most
 SLOWEST_HZ: Final = 10.0
 KEYS: Final = 7  # moments that stay visible on paper
 MARGIN: Final = 4.0  # m around what is shown
+
+Goals: TypeAlias = Mapping[str, Sequence[tuple[float, float]]]
 
 
 @final
@@ -45,9 +47,13 @@ def colours(run: Simulation) -> dict[str, str]:
     return {name: f"var({css_name(COLOURS[k % len(COLOURS)])})" for k, name in enumerate(run.truth)}
 
 
-def stage(run: Simulation) -> tuple[Markup, dict[str, Any]]:
-    """The picture, and the data that its script moves it with (x east and y south of the picture's corner [m])."""
-    window = _window(run)
+def stage(run: Simulation, goals: Goals | None = None) -> tuple[Markup, dict[str, Any]]:
+    """The picture, and the data that its script moves it with (x east and y south of the picture's corner [m]).
+
+    goals : east, north [m] of where each robot was sent
+    """
+    sent = {name: np.array(places).reshape(-1, 2) for name, places in (goals or {}).items()}
+    window = _window(run, sent)
     wide, high = window.size
     unit = max(wide, high) / 100.0  # a hundredth of the picture: sizes of text and strokes
     frames = _moments(run)
@@ -62,6 +68,7 @@ def stage(run: Simulation) -> tuple[Markup, dict[str, Any]]:
         _fence(run.monitor.world, window),
         _scale_bar(window, unit),
         *(_track(robot) for robot in robots),
+        *(_goals(places, window, unit, hues[name]) for name, places in sent.items()),
         *(_keys(robot, unit) for robot in robots),
         *(f'<circle class="mover" r="{m["radius"]:.2f}"><title>{escape(m["name"])}</title></circle>' for m in movers),
         *(_marker(robot, unit) for robot in robots),
@@ -99,9 +106,10 @@ def _cover(world: World, x: Floats, y: Floats) -> Floats:
     return np.clip(best, -999.0, 999.0).reshape(y.size, x.size)
 
 
-def _window(run: Simulation) -> Window:
-    """Around all that moves, and around what stands close to it."""
+def _window(run: Simulation, goals: Mapping[str, Floats]) -> Window:
+    """Around all that moves and all goals, and around what stands close to it."""
     tracks = [truth.p[:, :2] for truth in run.truth.values()] + [m.p[:, :2] for m in run.monitor.world.movers]
+    tracks += [places for places in goals.values() if len(places)]
     low, high = np.min([p.min(axis=0) for p in tracks], axis=0), np.max([p.max(axis=0) for p in tracks], axis=0)
     around = np.maximum(MARGIN, 0.12 * (high - low))
     low, high = low - around, high + around
@@ -143,6 +151,19 @@ def _path(p: Floats) -> str:
 def _track(robot: Mapping[str, Any]) -> str:
     way = _path(np.column_stack([robot["x"], robot["y"]]))
     return f'<path class="track" style="stroke:{robot["colour"]}" d="{way}"/>'
+
+
+def _goals(places: Floats, window: Window, unit: float, colour: str) -> str:
+    """Each goal a ring with a cross, numbered in the order in which they are visited."""
+    out: list[str] = []
+    at = (places - np.array([window.west, window.north])) * np.array([1.0, -1.0])
+    for k, (x, y) in enumerate(at.tolist()):
+        r, told = 0.9 * unit, f"goal {k + 1} at ({places[k, 0]:g}, {places[k, 1]:g})"
+        shape = f"M{x - r:.2f} {y:.2f}h{2 * r:.2f}M{x:.2f} {y - r:.2f}v{2 * r:.2f}"
+        ring = f'<circle cx="{x:.2f}" cy="{y:.2f}" r="{r:.2f}"/><path d="{shape}"/>'
+        number = f'<text x="{x + 1.3 * r:.2f}" y="{y - 1.1 * r:.2f}">{k + 1}</text>'
+        out.append(f'<g class="goal" style="stroke:{colour}">{ring}<title>{told}</title>{number}</g>')
+    return "".join(out)
 
 
 def _keys(robot: Mapping[str, Any], unit: float) -> str:

@@ -12,6 +12,7 @@ from outrider.data.agents import Agent, Planned
 from outrider.errors import ConfigError
 from outrider.io.checked import fault_at, remedy
 from outrider.models.vehicles import AIR_INPUTS, Differential, Mecanum, Pad, Rotorcraft, Vehicle
+from outrider.scenarios.driving import GotoMission, goal_poses, ground_robot
 from outrider.scenarios.navigation import Put, mount_matrix, navigator
 from outrider.scenarios.parts import (
     FAULTS,
@@ -33,6 +34,7 @@ from outrider.sim.team import Robot
 from outrider.sim.truth import EPOCH, Drift, Truth
 from outrider.sim.world import Fence, Ground, Mover, Wall, Wind, World
 from outrider.team import Schedule, Tour
+from outrider.team.errand import Errand
 from outrider.typing import Floats
 
 
@@ -133,6 +135,7 @@ def _robot(name: str, section: RobotSection, world: World, put: Put, duration_s:
     with at(where, *key, "vehicle"):
         vehicle = _vehicle(section, world)
     carried = _sensors(section, where, key)
+    hull = None if section.size is None else made_of(Hull, section.size)
     agent: Agent | Planned | None = None
     path: Truth | None = None
     with at(where, *key, "mission"):
@@ -144,18 +147,20 @@ def _robot(name: str, section: RobotSection, world: World, put: Put, duration_s:
         elif vehicle is None:
             raise ConfigError(f"a mission '{mission.type}' needs a vehicle", fix=f"there are: {', '.join(VEHICLES)}")
         else:
-            agent = _agent(name, mission, vehicle, carried, put, world)
+            agent = _agent(name, mission, vehicle, carried, put, world, hull)
     return Robot(
         name=name, vehicle=vehicle, agent=agent, track=path, sensors=carried, start=put,
         mounts={getattr(s, "frame", s.name): mount_matrix(s) for s in _bare(carried) if hasattr(s, "lever")},
-        drift=made_of(Drift, section.drift), size=None if section.size is None else made_of(Hull, section.size),
+        drift=made_of(Drift, section.drift), size=hull,
         pad=None if section.pad is None else made_of(Pad, section.pad), on=section.on or "",
     )  # fmt: skip
 
 
 def _agent(
-    name: str, mission: Any, vehicle: Vehicle, carried: tuple[Any, ...], put: Put, world: World
+    name: str, mission: Any, vehicle: Vehicle, carried: tuple[Any, ...], put: Put, world: World, hull: Hull | None
 ) -> Agent | Planned:
+    if mission.type == "goto":
+        return _errand(name, mission, vehicle, carried, put, world, hull)
     if mission.type == "tour":
         return _tour(name, mission, vehicle, carried, put, world)
     width = len(vehicle.inputs)
@@ -165,6 +170,22 @@ def _agent(
     if plan.u.shape[1] != width:
         raise ConfigError(f"{plan.u.shape[1]} numbers in a row of u", fix=f"give {', '.join(vehicle.inputs)}")
     return plan
+
+
+def _errand(
+    name: str,
+    mission: GotoMission,
+    vehicle: Vehicle,
+    carried: tuple[Any, ...],
+    put: Put,
+    world: World,
+    hull: Hull | None,
+) -> Errand:
+    goals, period = goal_poses(mission.goals), mission.period_s
+    body = ground_robot(
+        mission.drive, vehicle, carried, put, world, robot=name, period_s=period, goals=goals, hull=hull
+    )
+    return Errand(body=body, goals=goals, hold_s=mission.hold_s, period_s=period)
 
 
 def _tour(name: str, mission: TourMission, vehicle: Vehicle, carried: tuple[Any, ...], put: Put, world: World) -> Tour:

@@ -8,6 +8,7 @@ from pydantic import Field, create_model
 
 from outrider.io.checked import Flag, Whole
 from outrider.models.vehicles import Differential, Mecanum, Multirotor, Pad, Rotorcraft, Steered, Vehicle
+from outrider.scenarios.driving import GotoMission
 from outrider.scenarios.sections import STRICT, Number, Part, Table, bounded, inner_section, section_of, tagged
 from outrider.sim import places, sensors
 from outrider.sim.monitor import Hull
@@ -157,7 +158,7 @@ class TrackMission(Part):
 
 
 Mission: TypeAlias = _one_of(  # type: ignore[valid-type]
-    [StillMission, TourMission, TrackMission, section_of(Schedule, tag="schedule")]
+    [StillMission, TourMission, TrackMission, GotoMission, section_of(Schedule, tag="schedule")]
 )
 
 

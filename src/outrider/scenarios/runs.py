@@ -24,6 +24,8 @@ from outrider.scenarios.parts import Scenario
 from outrider.sim.engine import Ending, Simulation
 from outrider.sim.monitor import Closest
 from outrider.sim.radio import Lost
+from outrider.sim.truth import Truth
+from outrider.team.errand import Errand, Outcome, Visit
 
 SCHEMA: Final = "outrider.simulation/1"
 SUMMARY, RECORDING, SCENARIO, REPORT = "summary.json", "run.mcap", "scenario.yaml", "report.html"
@@ -47,8 +49,14 @@ class Done:
 
     @property
     def exit_code(self) -> ExitCode:
-        """Whether it ended as planned."""
-        return ExitCode.OK if self.run.ending in GOOD else ExitCode.FAILED_CHECK
+        """Whether it ended as planned, every goal reached."""
+        good = self.run.ending in GOOD and all(o.visit is Visit.ARRIVED for _, e in self.errands for o in e.outcomes)
+        return ExitCode.OK if good else ExitCode.FAILED_CHECK
+
+    @property
+    def errands(self) -> list[tuple[str, Errand]]:
+        """The robots that were sent to goals."""
+        return [(r.name, r.agent) for r in self.cast.team if isinstance(r.agent, Errand)]
 
 
 def ensure_free(folder: Path, *, force: bool = False) -> None:
@@ -170,12 +178,31 @@ def _robot(done: Done, name: str) -> dict[str, Any]:
         "end": dict(zip(("east_m", "north_m", "up_m"), truth.p[-1].tolist(), strict=True)),
         "clearance": _closest(run, run.monitor.clearances.get(name)),
         "fence": _closest(run, run.monitor.fences.get(name)),
+        "goals": [_goal(run, truth, o) for n, errand in done.errands if n == name for o in errand.outcomes],
         "estimate": _estimate(done, f"{name}/estimate" if several else "estimate", name),
         "sensors": {
             s.name.removeprefix(f"{name}/"): {"kind": s.kind.value, "records": len(s), "rate_hz": s.rate}
             for s in run.log
             if s.robot == name
         },
+    }
+
+
+def _goal(run: Simulation, truth: Truth, o: Outcome) -> dict[str, Any]:
+    """What became of a goal: `error_m` is how far off the robot was; it is made of what its estimate was off the truth
+    and what its control left between estimate and goal."""
+    east, north, heading = o.goal.tolist()
+    told = {"east_m": east, "north_m": north, "heading_deg": None if np.isnan(heading) else float(np.degrees(heading))}
+    told |= {"outcome": o.visit.name.lower(), "reason": o.reason or ("" if o.visit is Visit.ARRIVED else o.visit.value)}
+    if o.visit is Visit.OPEN:
+        return told
+    here = truth.at(np.array([min(o.t, int(truth.t[-1]))])).p[0, :2]
+    return {
+        **told,
+        "t_s": (o.t - run.monitor.start) * 1e-9,
+        "error_m": float(np.hypot(*(here - o.goal[:2]))),
+        "of_estimate_m": float(np.hypot(*(here - o.estimate[:2]))),
+        "of_control_m": o.error,
     }
 
 

@@ -36,6 +36,8 @@ ANGLES: Final[Mapping[str, tuple[str, ...]]] = {
     "RobotCamera": ("half_angle", "sigma_angle"),
     "Rotorcraft": ("yaw_rate", "tilt_rate"),
     "Steering": ("limit", "rate"),
+    "TebSettings": ("yaw",),
+    "PursuitSettings": ("yaw",),
     "SteeringEncoder": ("sigma_angle", "offset"),
 }
 """Fields in radians, or radians per second, by class."""

@@ -79,3 +79,10 @@ class Navigator:
         """The estimate as a record of the log."""
         z = np.concatenate([now.p, now.q, now.v])[None]
         return stream("estimate", Kind.ESTIMATE, np.array([now.t]), z, robot=self.robot, frame="base_link")
+
+    def command(self, now: Fused, twist: Floats) -> Stream:
+        """What the robot is told to do, (3,) in its body, as a record: velocity in the site frame, yaw rate beside."""
+        c, s = np.cos(now.heading), np.sin(now.heading)
+        z = np.array([[c * twist[0] - s * twist[1], s * twist[0] + c * twist[1], 0.0]])
+        turn = {"w_z": np.array([twist[2]])}
+        return stream("command", Kind.COMMAND, np.array([now.t]), z, robot=self.robot, frame="base_link", extra=turn)
