@@ -1,5 +1,6 @@
 """The mission's transitions: no order is lost, and each ends once with its reason."""
 
+from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
@@ -39,11 +40,33 @@ def test_an_alert_interrupts_the_round_and_the_round_goes_on_where_it_was() -> N
         (Inputs(t_s=5.0, unreachable=True), Ended.UNREACHABLE, Duty.PATROL),
         (Inputs(t_s=5.0, order=order(8)), Ended.REPLACED, Duty.RESPOND),
         (Inputs(t_s=5.0, battery=0.19), Ended.BATTERY, Duty.CHARGE),
+        (Inputs(t_s=5.0, battery=0.0), Ended.BATTERY, Duty.EMPTY),
+        (Inputs(t_s=5.0, blind=True), Ended.BLIND, Duty.BLIND),
     ],
 )
 def test_what_ends_a_response(situation: Inputs, how: Ended, duty: Duty) -> None:
-    m, ended = advance(RESPONDING, situation)
+    m, ended = advance(RESPONDING, situation, Rules(blind_s=0.0))
     assert ended == ((7, how),) and m.duty is duty and (m.order is None) == (duty is not Duty.RESPOND)
+    assert m.stop == 2  # the stop it was on its way to is the next still
+
+
+def test_a_blink_is_no_blindness_and_a_blind_robot_takes_no_orders_until_it_sees() -> None:
+    m, ended = RESPONDING, ()
+    for t, blind in ((0.0, True), (4.9, True), (5.0, False), (5.1, True), (10.0, True)):
+        m, ended = advance(m, Inputs(t_s=t, blind=blind, stops=4))
+        assert (m.duty, ended) == (Duty.RESPOND, ())
+    m, ended = advance(m, Inputs(t_s=10.2, blind=True, stops=4))
+    assert (m.duty, ended) == (Duty.BLIND, ((7, Ended.BLIND),))
+    assert advance(m, Inputs(t_s=11.0, blind=True, order=order(8)))[1] == ((8, Ended.BLIND),)
+    m, ended = advance(m, Inputs(t_s=12.0, stops=4, arrived=True))
+    assert (m.duty, m.stop, ended) == (Duty.PATROL, 2, ())
+
+
+def test_a_dock_that_was_reached_is_no_stop_of_the_round() -> None:
+    m, _ = advance(Mission(duty=Duty.CHARGE, stop=2), Inputs(t_s=0.0, battery=1.0, arrived=True, stops=4))
+    assert (m.duty, m.stop) == (Duty.PATROL, 2)
+    m, _ = advance(Mission(duty=Duty.EMPTY, stop=2), Inputs(t_s=0.0, battery=0.5, stops=4))
+    assert m.duty is Duty.CHARGE  # somebody has brought it power
 
 
 def test_a_round_skips_what_it_cannot_reach_and_stands_when_that_is_all() -> None:
@@ -66,7 +89,8 @@ situations = st.builds(
     t_s=st.floats(0, 200),
     arrived=st.booleans(),
     unreachable=st.booleans(),
-    battery=st.sampled_from([0.1, 0.5, 1.0]),
+    blind=st.booleans(),
+    battery=st.sampled_from([0.0, 0.1, 0.5, 1.0]),
     order=st.none() | st.builds(order, st.integers(0, 5), st.floats(0, 20), st.floats(0, 200)),
     cancelled=st.lists(st.integers(0, 5), max_size=2).map(tuple),
     stops=st.just(3),
@@ -82,9 +106,7 @@ def test_every_order_taken_ends_exactly_once(run: list[Inputs]) -> None:
             if s.order is None
             else Order(number=100 * k + s.order.number, alert=1, view=np.zeros(3), hold_s=1, until_s=50)
         )
-        s = Inputs(
-            t_s=s.t_s, arrived=s.arrived, unreachable=s.unreachable, battery=s.battery, order=given_order, stops=3
-        )
+        s = replace(s, order=given_order, cancelled=())
         m, ended = advance(m, s)
         open_orders += [given_order.number] if given_order else []
         for alert, _ in ended:

@@ -160,15 +160,16 @@ def test_it_waits_before_a_passage_until_it_is_granted_and_asks_no_more_behind_i
         return [number_of(m) for m in messages if m.topic == ASK]
 
     gate = np.array([[1.0, -1.0], [3.0, -1.0], [3.0, 1.0], [1.0, 1.0]])
-    way = Path(outcome=PathOutcome.FOUND, points=np.array([[-4.0, 0.0], [0.0, 0.0], [5.0, 0.0]]), length=9.0)
+    way = Path(outcome=PathOutcome.FOUND, points=np.array([[-8.0, 0.0], [0.0, 0.0], [5.0, 0.0]]), length=13.0)
     body = Body(says=Answer(state=Drive.UNDER_WAY, twist=AHEAD.copy(), path=way))
     robot = patrol(body, passages=(gate,))
-    grant = number_message(GRANT, "station", "robot", 0, 0)
     for k, (east, granted, waits, wanted) in enumerate(
-        [(-4.0, False, False, -1), (-1.5, False, False, 0), (0.0, False, True, 0), (0.0, True, False, 0),
-         (2.0, True, False, 0), (3.5, True, False, -1)]
+        [(-7.0, False, False, -1), (-2.5, False, False, 0), (-1.0, False, True, 0), (-1.0, True, False, 0),
+         (-0.5, False, False, 0), (0.0, False, False, 0), (0.2, False, True, 0), (0.2, True, False, 0),
+         (2.0, True, False, 0), (3.5, True, False, -1), (0.2, False, True, 0)]
     ):  # fmt: skip
         body.here = fused(p=np.array([east, 0.0, 0.0]))
+        grant = number_message(GRANT, "station", "robot", k * S, 0)
         action = robot.act(k * S, [], [grant] if granted else [])
         assert action.command is not None
         assert (not action.command.any()) is waits, east

@@ -4,12 +4,17 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from outrider.data.agents import Message
-from outrider.data.alerts import Alert, AlertState
+from outrider.data.alerts import Alert, AlertState, News
 from outrider.data.grid import LETHAL, Costmap
 from outrider.data.routes import Path, PathOutcome
 from outrider.guidance.patrol import Duty, Ended
+from outrider.planning.astar import AStar
+from outrider.planning.reach import Reach
+from outrider.planning.traversal import Traversal
 from outrider.planning.view import viewpoints
 from outrider.team.station import SILENT_S, Station
 from outrider.team.words import ASK, CANCEL, GRANT, ORDER, Status, number_message, number_of, order_of
@@ -27,6 +32,9 @@ class Straight:
             return Path(outcome=PathOutcome.NO_WAY)
         return Path(outcome=PathOutcome.FOUND, points=np.vstack([start, goal]), length=float(np.hypot(*(goal - start))))
 
+    def costs(self, costmap: Costmap, start: Floats, places: Floats) -> Floats:
+        return np.where(places[:, 0] < 0.0, np.inf, np.hypot(*(places - start).T))
+
 
 @dataclass
 class Schedule:
@@ -34,11 +42,11 @@ class Schedule:
     calls_off: list[tuple[int, int]] = field(default_factory=list)
     told: int = -1
 
-    def due(self, t: int) -> tuple[list[Alert], list[int]]:
-        raised = [a for a in self.alerts if self.told < a.t <= t]
-        off = [n for when, n in self.calls_off if self.told < when <= t]
+    def due(self, t: int) -> News:
+        raised = tuple(a for a in self.alerts if self.told < a.t <= t)
+        off = tuple(n for when, n in self.calls_off if self.told < when <= t)
         self.told = t
-        return raised, off
+        return News(raised=raised, cancelled=off)
 
 
 def ground(taken: bool = False) -> Costmap:
@@ -49,7 +57,7 @@ def ground(taken: bool = False) -> Costmap:
 
 
 def alert(number: int, t: float = 0.0, p: tuple[float, float] = (10.0, 0.0), **more: float) -> Alert:
-    return Alert(number=number, t=round(t * S), p=np.array(p), **more)
+    return Alert(**({"number": number, "t": round(t * S), "p": np.array(p), "sigma": 0.0} | more))
 
 
 def said(robot: str, t: float, p: tuple[float, float], duty: Duty = Duty.PATROL, order: int = -1, **more) -> Message:
@@ -62,7 +70,10 @@ def said(robot: str, t: float, p: tuple[float, float], duty: Duty = Duty.PATROL,
 
 
 def station(*alerts: Alert, **more) -> Station:
-    return Station(name="station", feed=Schedule(list(alerts), **more), costmap=ground(), planner=Straight())
+    ways = Straight()
+    return Station(
+        name="station", feed=Schedule(list(alerts), **more), costmap=ground(), planner=ways, reach=ways, lease_s=20.0
+    )
 
 
 def at(s: Station, t: float, *messages: Message) -> list[Message]:
@@ -104,6 +115,7 @@ def test_two_alerts_go_to_two_robots_by_the_least_sum() -> None:
         (Ended.TIMED_OUT, AlertState.TIMED_OUT),
         (Ended.UNREACHABLE, AlertState.UNREACHABLE),  # by the only robot there is
         (Ended.BATTERY, AlertState.ASSIGNED),  # and again to whoever is free
+        (Ended.BLIND, AlertState.ASSIGNED),
     ],
 )
 def test_what_becomes_of_an_alert_when_a_response_ends(how: Ended, then: AlertState) -> None:
@@ -164,12 +176,92 @@ def test_passages_are_granted_one_after_the_other() -> None:
     assert granted(at(s, 1.5, asks("a", -1), asks("b", 0))) == [("b", 0)]
 
 
+def test_a_passage_of_a_robot_that_died_is_free_again_and_dead_robots_are_in_no_queue() -> None:
+    def granted(out: list[Message]) -> list[tuple[str, int]]:
+        return [(m.receiver, number_of(m)) for m in out if m.topic == GRANT]
+
+    def asks(robot: str, t: float) -> list[Message]:
+        return [said(robot, t, (6.0, 9.0)), number_message(ASK, robot, "station", round(t * S), 0)]
+
+    s = station()
+    assert granted(at(s, 0.5, *asks("a", 0.5), *asks("b", 0.5), *asks("c", 0.5))) == [("a", 0)]
+    assert granted(at(s, 19.0, *asks("c", 19.0))) == [("a", 0)]  # it may still be in there
+    assert granted(at(s, 21.0, *asks("c", 21.0))) == [("c", 0)]  # b has died as well: it is not the next
+
+
+def test_a_reservation_never_goes_round_in_a_circle() -> None:
+    s = station()
+    at(s, 0.5, number_message(ASK, "a", "station", 0, 0), number_message(ASK, "b", "station", 0, 1))
+    assert s.passages.holder == {"0": "a", "1": "b"}
+    at(s, 1.0, number_message(ASK, "a", "station", 0, 1))  # out of 0, wants 1
+    assert s.passages.holder == {"1": "b"} and s.passages.queue["1"] == ("a",)
+    at(s, 1.5, number_message(ASK, "b", "station", 0, 0))
+    assert s.passages.holder == {"1": "a", "0": "b"}
+
+
+def test_what_the_feed_could_not_use_is_said_and_counted_and_so_are_vain_cancellations() -> None:
+    class Broken:
+        def due(self, t: int) -> News:
+            return News(faults=("alerts.jsonl:3: unknown key", "alerts.jsonl:4: is no JSON"), cancelled=(9,))
+
+    s = station()
+    s.feed = Broken()
+    note = s.act(S, (), ()).note
+    assert s.faults == 2 and "alerts.jsonl:3" in note and "alert 9 is called off, but there is none" in note
+
+
+def test_it_tells_what_becomes_of_an_alert_with_robot_and_way() -> None:
+    s = station(alert(-1, p=(10.0, 0.0)))
+    note = s.act(S // 2, (), [said("a", 0.5, (16.0, 0.0))]).note
+    assert "alert 1 at (10.0, 0.0) m" in note and "alert 1: a robot is on its way (a, 0 m)" in note
+
+
+@given(seed=st.integers(0, 1000), weight=st.sampled_from([0.0, 3.0]))
+@settings(max_examples=15, deadline=None)
+def test_costs_of_ways_are_those_of_an_exact_search(seed: int, weight: float) -> None:
+    rng = np.random.default_rng(seed)
+    cells = np.where(rng.random((30, 40)) < 0.25, LETHAL, rng.integers(0, 200, (30, 40))).astype(np.uint8)
+    costmap = Costmap(cells=cells, resolution=0.5, origin=np.array([-3.0, 2.0]))
+    free = np.argwhere(cells < LETHAL)
+    start, *goals = costmap.centre_of(free[rng.choice(len(free), 6, replace=False)])
+    rules = Traversal(weight=weight)
+    reach = Reach(traversal=rules)
+    for _ in range(2):  # its memory is used again
+        costs = reach.costs(costmap, start, np.array([*goals, [1e4, 0.0]]))
+    paths = [AStar(traversal=rules).plan(costmap, start, g) for g in goals]
+    assert costs[:-1].tolist() == pytest.approx([p.cost if p.found else np.inf for p in paths], rel=1e-9)
+    assert costs[-1] == np.inf
+
+
+def test_a_robot_beside_the_map_is_taken_to_be_where_it_may_be() -> None:
+    cells = np.zeros((20, 20), np.uint8)
+    cells[:, 10:] = LETHAL
+    costmap, goal = Costmap(cells=cells, resolution=0.5, origin=np.zeros(2)), np.array([[0.25, 0.25]])
+    assert Reach().costs(costmap, np.array([5.4, 0.25]), goal) == pytest.approx([4.5])
+    assert Reach().costs(costmap, np.array([7.0, 0.25]), goal) == np.inf
+
+
 def test_one_looks_from_where_nothing_is_in_between() -> None:
-    places = viewpoints(ground(taken=True), np.array([17.0, 0.0]), near=2.0, far=6.0)
+    places, _ = viewpoints(ground(taken=True), np.array([17.0, 0.0]), near=2.0, far=6.0)
     assert len(places) > 5 and (places[:, 0] < 20.0).all()
     wall = ground()
     wall.cells[150:250, 480:482] = LETHAL  # between 8.0 and 8.2 m east, 10 m long
-    open_ground = viewpoints(ground(), np.array([10.0, 0.0]), near=3.0, far=6.0)
-    seen = viewpoints(wall, np.array([10.0, 0.0]), near=3.0, far=6.0)
+    open_ground, _ = viewpoints(ground(), np.array([10.0, 0.0]), near=3.0, far=6.0)
+    seen, _ = viewpoints(wall, np.array([10.0, 0.0]), near=3.0, far=6.0)
     behind = [p[(p[:, 0] < 8.0) & (np.abs(p[:, 1]) < 3.0)] for p in (open_ground, seen)]
     assert len(behind[0]) > 5 and len(behind[1]) == 0 and len(seen) > 20
+
+
+def test_the_less_is_known_of_where_it_is_the_more_one_stands_off_and_the_more_must_be_in_sight() -> None:
+    target = np.array([10.0, 0.0])
+    for sigma, nearest in ((0.0, 2.0), (1.0, 4.0), (1.5, 5.0), (5.0, 6.0)):
+        places, _ = viewpoints(ground(), target, near=2.0, far=6.0, sigma=sigma)
+        assert np.hypot(*(places[:, :2] - target).T).min() == pytest.approx(nearest)
+    wall = ground()
+    wall.cells[200:260, 500:502] = LETHAL  # 10.0 to 10.2 m east, north of the target only
+    sure, grades = viewpoints(wall, target, near=2.0, far=6.0)
+    assert (grades == 0).mean() > 0.85 and sure[grades == 0, 1].max() > 5.0  # nearly everybody sees one point
+    unsure, grades = viewpoints(wall, target, near=2.0, far=6.0, sigma=1.0)
+    best = unsure[grades == 0]
+    assert len(best) > 20 and best[:, 1].max() < 3.1  # both sides of it are seen from its open end only
+    assert (grades == 2).any() and (np.diff(grades) >= 0).all()

@@ -33,13 +33,14 @@ class AlertState(Enum):
 class Alert:
     """Something that a robot should look at.
 
-    number : its name;  t : ns, when it was raised;  p : (2,) m, site frame;  sigma : m, of each coordinate;
-    source : who raised it;  patience_s : how long until nobody needs to come any more;  hold_s : how long to observe.
+    number : its name, -1 for none;  t : ns, when it was raised;  p : (2,) m, site frame;  sigma : m, of each
+    coordinate;  source : who raised it;  patience_s : how long until nobody needs to come any more;  hold_s : how long
+    to observe.
     """
 
-    number: int
     t: int
     p: Floats
+    number: int = -1
     sigma: float = 1.0
     source: str = ""
     patience_s: float = 600.0
@@ -52,3 +53,14 @@ class Alert:
             raise DataError(f"its place is {self.p.tolist()}", where=f"alert {self.number}", fix=fix)
         if self.sigma < 0.0 or self.patience_s <= 0.0 or self.hold_s < 0.0:
             raise DataError("a negative sigma, patience or hold", where=f"alert {self.number}", fix="zero or more")
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class News:
+    """What a source of alerts has had to say. cancelled : numbers of alerts called off;  faults : a line about each
+    line that could not be used."""
+
+    raised: tuple[Alert, ...] = ()
+    cancelled: tuple[int, ...] = ()
+    faults: tuple[str, ...] = ()

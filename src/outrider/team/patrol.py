@@ -10,7 +10,7 @@ from outrider.core.flat import inside_polygon
 from outrider.data import Stream
 from outrider.data.agents import Action, Message
 from outrider.errors import ConfigError
-from outrider.guidance.patrol import Duty, Inputs, Mission, Order, Report, Rules, advance
+from outrider.guidance.patrol import Duty, Inputs, Mission, Order, Report, Rules, Transition, advance
 from outrider.team.driver import Answer, Drive
 from outrider.team.ground import Ground
 from outrider.team.navigator import Fused
@@ -19,8 +19,9 @@ from outrider.typing import Floats
 
 SAID_S: Final = 0.5  # s between two messages about oneself
 REPEATS_S: Final = 10.0  # s for which a report is said again
-LOOK_AHEAD: Final = 3.0  # m of path within which a passage is asked for
-WAIT_BEFORE: Final = 1.2  # m of path to a passage at which the robot waits
+LOOK_AHEAD: Final = 6.0  # m of path within which a passage is asked for
+WAIT_BEFORE: Final = 2.5  # m of path to a passage at which the robot waits: others come out past it
+GRANTED_S: Final = 2.0  # s for which a grant holds that is not said again
 
 
 @final
@@ -46,7 +47,7 @@ class Battery:
 @dataclass(slots=True, kw_only=True)
 class Patrol:
     """An `Agent`. stops : (n, 3) east, north [m], heading [rad] (NaN: any), visited in turn;  dock : (3,);  passages :
-    outlines (k, 2) m of which only one robot may be in each."""
+    outlines (k, 2) m of which only one robot may be in each;  transition : what the mission becomes."""
 
     name: str
     body: Ground
@@ -58,9 +59,10 @@ class Patrol:
     rules: Rules = field(default_factory=Rules)
     share: float = 1.0
     period_s: float = 0.1
+    transition: Transition = advance
     mission: Mission = field(default_factory=Mission)
     _answer: Answer = field(default_factory=lambda: Answer(state=Drive.IDLE))
-    _granted: int = -1
+    _granted: tuple[int, int] = (-1, 0)
     _wanted: int = -1
     _ended: tuple[tuple[int, Report], ...] = ()
     _said: int = -(10**18)
@@ -72,8 +74,9 @@ class Patrol:
         note = self._decide(t, order, cancelled)
         self.body.driver.go(self._goal())
         here, self._answer = self.body.drive(t, records, inbox)
-        waits = self._passage(here)
-        twist = np.zeros(3) if waits else self._answer.twist
+        waits = self._passage(t, here)
+        stands = waits or self.mission.duty is Duty.EMPTY
+        twist = np.zeros(3) if stands else self._answer.twist
         self._drain(here)
         changed = self.mission.duty is not before.duty
         return Action(
@@ -86,14 +89,13 @@ class Patrol:
         done = {number for _, (number, _) in self._ended}
         mine = -1 if self.mission.order is None else self.mission.order.number
         order, cancelled = None, list[int]()
-        self._granted = -1
         for m in inbox:
             if m.topic == ORDER and order_of(m).number not in (*done, mine):
                 order = order_of(m)
             elif m.topic == CANCEL:
                 cancelled.append(number_of(m))
             elif m.topic == GRANT:
-                self._granted = number_of(m)
+                self._granted = (number_of(m), m.t)
         return order, tuple(cancelled)
 
     def _decide(self, t: int, order: Order | None, cancelled: tuple[int, ...]) -> str:
@@ -102,18 +104,21 @@ class Patrol:
             t_s=t * 1e-9,
             arrived=self._answer.state is Drive.ARRIVED,
             unreachable=self._answer.state is Drive.UNREACHABLE,
+            blind=self._answer.state is Drive.BLIND,
             battery=self.share,
             order=order,
             cancelled=cancelled,
             stops=len(self.stops),
         )
-        self.mission, ended = advance(before, inputs, self.rules)
+        self.mission, ended = self.transition(before, inputs, self.rules)
         self._ended = tuple((when, r) for when, r in self._ended if t - when < REPEATS_S * 1e9)
         self._ended += tuple((t, r) for r in ended)
         told = [f"order {number}: {how.value}" for number, how in ended]
         if self.mission.duty is not before.duty:
             told.append(self.mission.duty.value)
-        if inputs.unreachable:
+        if inputs.unreachable and before.duty is Duty.PATROL and before.stop != self.mission.stop:
+            told.append(f"stop {before.stop + 1} cannot be reached")
+        if told and (inputs.unreachable or inputs.blind):
             told.append(self._answer.reason)
         return "; ".join(told)
 
@@ -123,10 +128,13 @@ class Patrol:
             return m.order.view
         return self.dock if m.duty is Duty.CHARGE else self.stops[m.stop]
 
-    def _passage(self, here: Fused) -> bool:
+    def _passage(self, t: int, here: Fused) -> bool:
         """Ask for the passage that comes next; whether to wait before it."""
         self._wanted, gap = self._next_passage(here)
-        return self._wanted >= 0 and gap > 0.0 and gap < WAIT_BEFORE and self._granted != self._wanted
+        if self._wanted != self._granted[0]:
+            self._granted = (-1, 0)  # a grant is for one way through
+        granted = self._wanted == self._granted[0] and t - self._granted[1] < GRANTED_S * 1e9
+        return self._wanted >= 0 and 0.0 < gap < WAIT_BEFORE and not granted
 
     def _next_passage(self, here: Fused) -> tuple[int, float]:
         """The passage that the robot is in, at 0 m, or comes to, with the way to it [m]; -1 for none."""

@@ -1,7 +1,7 @@
 """The station of a patrol: it takes alerts, sends the robot with the shortest way, and keeps the book of what became
 of each. It knows the site and what robots say of themselves, no more."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final, Protocol, final
 
@@ -9,17 +9,17 @@ import numpy as np
 
 from outrider.data import Stream
 from outrider.data.agents import Action, Message
-from outrider.data.alerts import Alert, AlertState
+from outrider.data.alerts import Alert, AlertState, News
 from outrider.data.grid import Costmap
 from outrider.data.routes import GlobalPlanner
 from outrider.guidance.dispatch import Passages, assign
 from outrider.guidance.patrol import Duty, Ended, Order
+from outrider.planning.reach import Reach, Reaches
 from outrider.planning.view import viewpoints
 from outrider.team.words import ASK, CANCEL, GRANT, STATUS, Status, number_message, number_of, order_message
-from outrider.typing import Floats
+from outrider.typing import Floats, Ints
 
 SILENT_S: Final = 5.0  # s without a status after which a robot is not counted on
-TRIED: Final = 3  # viewpoints to which a way is looked for
 BECAME: Final = {
     Ended.OBSERVED: AlertState.OBSERVED,
     Ended.CANCELLED: AlertState.CANCELLED,
@@ -31,15 +31,16 @@ BECAME: Final = {
 class Feed(Protocol):
     """Where alerts come from: a schedule, a file that grows, a network."""
 
-    def due(self, t: int) -> tuple[Sequence[Alert], Sequence[int]]:
-        """Alerts raised and numbers of alerts called off up to t [ns], since the last call."""
+    def due(self, t: int) -> News:
+        """What has come up to t [ns], since the last call."""
         ...
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """An alert in the book. tried : robots that could not do it;  log : (t ns, state, robot)."""
+    """An alert in the book. tried : robots that cannot get there;  cost, way : of the way of the robot that was sent,
+    in metres of free ground and in metres;  log : (t ns, state, robot)."""
 
     alert: Alert
     state: AlertState = AlertState.WAITING
@@ -47,6 +48,7 @@ class Entry:
     order: Order | None = None
     tried: frozenset[str] = frozenset()
     cost: float = np.inf
+    way: float = np.inf
     log: tuple[tuple[int, AlertState, str], ...] = ()
 
     def became(self, t: int, state: AlertState, robot: str = "", **changes: object) -> "Entry":
@@ -58,30 +60,45 @@ class Entry:
 @final
 @dataclass(slots=True, kw_only=True)
 class Station:
-    """An `Agent` that stands. costmap : of the site as drawn;  near, far : m, from where to look at an alert;
-    same : m, within which two alerts are one."""
+    """An `Agent` that stands. costmap : of the site as drawn;  planner : of the ways that robots are sent on;  reach :
+    what ways cost;  near, far : m, from where to look at an alert;  same : m, within which two alerts are one;
+    lease_s : silence after which a passage is free again;  faults : lines of its feed that it could not use."""
 
     name: str
     feed: Feed
     costmap: Costmap
     planner: GlobalPlanner
+    reach: Reaches = field(default_factory=Reach)
     near: float = 2.0
     far: float = 6.0
     same: float = 0.5
+    lease_s: float = 30.0
     period_s: float = 0.5
     book: dict[int, Entry] = field(default_factory=dict[int, Entry])
     passages: Passages = field(default_factory=Passages)
+    faults: int = 0
     _heard: dict[str, Status] = field(default_factory=dict[str, Status])
     _orders: dict[int, int] = field(default_factory=dict[int, int])
+    _views: dict[int, tuple[Floats, Ints]] = field(default_factory=dict[int, tuple[Floats, Ints]])
 
     def act(self, t: int, records: Sequence[Stream], inbox: Sequence[Message]) -> Action:
         """Listen, book, assign, tell."""
+        before, held = {number: len(e.log) for number, e in self.book.items()}, dict(self.passages.holder)
         for m in inbox:
             self._hear(t, m)
         notes = self._take(t)
         self._expire(t)
-        notes += self._send(t)
+        self._send(t)
+        for number, e in self.book.items():
+            notes += [self._told(e, *line) for line in e.log[before.get(number, 0) :]]
+        for k, robot in self.passages.holder.items():
+            notes += [f"passage {k} is {robot}'s"] if held.get(k) != robot else []
         return Action(command=np.zeros(0), messages=tuple(self._words(t)), note="; ".join(notes))
+
+    @staticmethod
+    def _told(e: Entry, t: int, state: AlertState, robot: str) -> str:
+        who = f" ({robot}, {e.way:.0f} m)" if state is AlertState.ASSIGNED else f" ({robot})" if robot else ""
+        return f"alert {e.alert.number}: {state.value}{who}"
 
     @property
     def open(self) -> int:
@@ -119,17 +136,22 @@ class Station:
         self.book[e.alert.number] = e.became(t, state, robot, order=None, tried=tried)
 
     def _take(self, t: int) -> list[str]:
-        raised, cancelled = self.feed.due(t)
-        notes: list[str] = []
-        for alert in raised:
+        """Book what has come; what to say about it."""
+        news = self.feed.due(t)
+        notes = list(news.faults)
+        self.faults += len(news.faults)
+        for alert in news.raised:
             twin = next((e for e in self.book.values() if self._repeats(e, alert)), None)
             state = AlertState.WAITING if twin is None else AlertState.DUPLICATE
-            number = alert.number if alert.number not in self.book else max(self.book) + 1
+            known = alert.number in self.book or alert.number < 0
+            number = max(self.book, default=0) + 1 if known else alert.number
             self.book[number] = Entry(replace(alert, number=number)).became(t, state)
-            notes.append(f"alert {number} at ({alert.p[0]:.1f}, {alert.p[1]:.1f}) from {alert.source or 'somebody'}")
-        for number in cancelled:
+            notes.append(f"alert {number} at ({alert.p[0]:.1f}, {alert.p[1]:.1f}) m from {alert.source or 'somebody'}")
+        for number in news.cancelled:
             entry = self.book.get(number)
-            if entry is not None and not entry.state.ended:
+            if entry is None or entry.state.ended:
+                notes.append(f"alert {number} is called off, but {'there is none' if entry is None else 'has ended'}")
+            else:
                 self.book[number] = entry.became(t, AlertState.CANCELLED, entry.robot, order=None)
         return notes
 
@@ -141,64 +163,72 @@ class Station:
         """Alerts for which nobody is under way in time, and robots that have gone silent."""
         for number, e in self.book.items():
             late = t - e.alert.t > e.alert.patience_s * 1e9
+            if e.state in (AlertState.ASSIGNED, AlertState.ON_SCENE) and not self._fresh(t, e.robot):
+                self.book[number] = e = e.became(t, AlertState.WAITING, order=None)
             if e.state is AlertState.WAITING and late:
                 self.book[number] = e.became(t, AlertState.TIMED_OUT)
-            elif e.state in (AlertState.ASSIGNED, AlertState.ON_SCENE) and not self._fresh(t, e.robot):
-                self.book[number] = e.became(t, AlertState.WAITING, order=None)
+        for robot in self._heard:
+            if not self._fresh(t, robot):
+                self.passages = self.passages.lost(robot)
+        for passage, robot in dict(self.passages.holder).items():
+            if robot in self._heard and t - self._heard[robot].t > self.lease_s * 1e9:
+                self.passages = self.passages.left(passage, robot)
 
     def _fresh(self, t: int, robot: str) -> bool:
         return robot in self._heard and t - self._heard[robot].t < SILENT_S * 1e9
 
-    def _send(self, t: int) -> list[str]:
+    def _send(self, t: int) -> None:
         """The free robots to the waiting alerts, by the least sum of ways."""
         busy = {e.robot for e in self.book.values() if e.state in (AlertState.ASSIGNED, AlertState.ON_SCENE)}
+        known = [s for name, s in sorted(self._heard.items()) if self._fresh(t, name)]
         free = [
-            s for name, s in sorted(self._heard.items())
-            if self._fresh(t, name) and name not in busy and s.order < 0 and s.duty in (Duty.PATROL, Duty.STAND)
+            s for s in known if s.robot not in busy and s.order < 0 and s.duty in (Duty.PATROL, Duty.STAND)
         ]  # fmt: skip
         waiting = [e for _, e in sorted(self.book.items()) if e.state is AlertState.WAITING]
-        known = [name for name in self._heard if self._fresh(t, name)]
         if not waiting or not known:
-            return []
-        ways = {(s.robot, e.alert.number): self._way(s, e) for s in free for e in waiting}
-        for e in waiting:
-            if self._hopeless(e, known, ways):
+            return
+        costs, views = self._ways(free, waiting)
+        for j, e in enumerate(waiting):
+            lost = {s.robot for i, s in enumerate(free) if not np.isfinite(costs[i, j])}
+            waiting[j] = self.book[e.alert.number] = e = replace(e, tried=e.tried | lost)
+            if {s.robot for s in known} <= e.tried:
                 self.book[e.alert.number] = e.became(t, AlertState.UNREACHABLE)
-        costs = np.array([[ways[s.robot, e.alert.number][0] for e in waiting] for s in free]).reshape(-1, len(waiting))
-        notes: list[str] = []
-        for i, j in assign(costs) if len(free) else ():
-            robot, e = free[i].robot, waiting[j]
-            cost, view = ways[robot, e.alert.number]
-            until = e.alert.t * 1e-9 + e.alert.patience_s
-            number = len(self._orders)
-            self._orders[number] = e.alert.number
-            order = Order(number=number, alert=e.alert.number, view=view, hold_s=e.alert.hold_s, until_s=until)
-            self.book[e.alert.number] = e.became(t, AlertState.ASSIGNED, robot, order=order, cost=cost)
-            notes.append(f"{robot} goes to alert {e.alert.number}, {cost:.0f} m")
-        return notes
+        for i, j in assign(costs):
+            self._order(t, free[i], waiting[j], float(costs[i, j]), views[i, j])
 
-    def _hopeless(self, e: Entry, known: Sequence[str], ways: Mapping[tuple[str, int], tuple[float, Floats]]) -> bool:
-        """Whether every robot was asked, or tried, and none can."""
-        number = e.alert.number
-        return all(r in e.tried or ((r, number) in ways and not np.isfinite(ways[r, number][0])) for r in known)
+    def _ways(self, free: Sequence[Status], waiting: Sequence[Entry]) -> tuple[Floats, Floats]:
+        """(robots, alerts) what it costs to come to a place with a view, and (robots, alerts, 3) the place."""
+        costs, views = np.full((len(free), len(waiting)), np.inf), np.zeros((len(free), len(waiting), 3))
+        looks = [self._view(e.alert) for e in waiting]
+        first = np.cumsum([0, *(len(places) for places, _ in looks)])
+        for i, s in enumerate(free):
+            if all(s.robot in e.tried for e in waiting):
+                continue
+            every = self.reach.costs(self.costmap, s.pose[:2], np.vstack([places[:, :2] for places, _ in looks]))
+            for j, (places, grades) in enumerate(looks):
+                way = every[first[j] : first[j + 1]]
+                if s.robot in waiting[j].tried or not np.isfinite(way).any():
+                    continue
+                best = np.flatnonzero(grades == grades[np.isfinite(way)].min())
+                k = int(best[way[best].argmin()])
+                costs[i, j], views[i, j] = way[k], places[k]
+        return costs, views
 
-    def _way(self, s: Status, e: Entry) -> tuple[float, Floats]:
-        """Length of the shortest way to a place with a view [m], and that place."""
-        best, where = np.inf, np.zeros(3)
-        if s.robot in e.tried:
-            return best, where
-        places = viewpoints(self.costmap, e.alert.p, near=self.near, far=self.far)
-        straight = np.hypot(*(places[:, :2] - s.pose[:2]).T)
-        found = 0
-        for k in np.argsort(straight, kind="stable").tolist():
-            if straight[k] >= best or found >= TRIED:
-                break
-            path = self.planner.plan(self.costmap, s.pose[:2], places[k, :2])
-            if path.found:
-                found += 1
-                if path.length < best:
-                    best, where = path.length, places[k]
-        return best, where
+    def _view(self, alert: Alert) -> tuple[Floats, Ints]:
+        if alert.number not in self._views:
+            look = viewpoints(self.costmap, alert.p, near=self.near, far=self.far, sigma=alert.sigma)
+            self._views[alert.number] = look
+        return self._views[alert.number]
+
+    def _order(self, t: int, s: Status, e: Entry, cost: float, view: Floats) -> None:
+        """Send a robot to an alert; to go now costs what the planner finds, which cuts the corners of the search."""
+        path = self.planner.plan(self.costmap, s.pose[:2], view[:2])
+        number = len(self._orders)
+        self._orders[number] = e.alert.number
+        until = e.alert.t * 1e-9 + e.alert.patience_s
+        order = Order(number=number, alert=e.alert.number, view=view, hold_s=e.alert.hold_s, until_s=until)
+        told = {"cost": path.cost, "way": path.length} if path.found else {"cost": cost, "way": cost}
+        self.book[e.alert.number] = e.became(t, AlertState.ASSIGNED, s.robot, order=order, **told)
 
     def _words(self, t: int) -> list[Message]:
         """Orders until they are followed, cancellations until they are heard, grants."""
