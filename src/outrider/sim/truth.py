@@ -9,7 +9,9 @@ from typing import final
 import numpy as np
 from numpy.random import Generator
 
-from outrider.core.rotations import quats_to_matrices, slerp
+from outrider._kernel import kernel
+from outrider.core import rotations
+from outrider.core.rotations import slerp
 from outrider.data import Datum, Trajectory
 from outrider.errors import ConfigError
 from outrider.models.motion.planar import PlanarRobot
@@ -192,5 +194,14 @@ def _wheel_scale(rng: Generator, truth: Truth, how: Drift) -> Floats:
 
 
 def rotate(q: Floats, v: Floats) -> Floats:
-    """R(q) v for rows of q (n, 4) and v (n, 3) or (3,)."""
-    return np.einsum("nij,nj->ni", quats_to_matrices(q), np.broadcast_to(v, (q.shape[0], 3)))
+    """R(q) v for rows of unit quaternions q (n, 4) and v (n, 3) or (3,)."""
+    rows = np.ascontiguousarray(np.broadcast_to(v, (q.shape[0], 3)))
+    out = np.empty_like(rows)
+    _rotate_rows(np.ascontiguousarray(q), rows, out)
+    return out
+
+
+@kernel
+def _rotate_rows(q: Floats, v: Floats, out: Floats) -> None:
+    for i in range(q.shape[0]):
+        rotations.rotate(q[i], v[i], out[i])

@@ -95,8 +95,18 @@ class GnssReceiver:
         directions = _sky(sky, self.satellites)
         site = setting.world.datum
 
+        silence: Stream | None = None  # what it records of a piece without a stamp
+
         def sense(own: Truth, others: Mapping[str, Truth]) -> Stream:
-            here = own.at(stamps(own, self.rate_hz, self.phase_s))
+            nonlocal silence
+            t = stamps(own, self.rate_hz, self.phase_s)
+            if not t.size and silence is not None:
+                return silence
+            made = receive(own.at(t))
+            silence = made.select(slice(0)) if silence is None else silence
+            return made
+
+        def receive(here: Truth) -> Stream:
             seconds = setting.seconds(here.t)
             antenna = here.p + rotate(here.q, np.array(self.lever))
             fix = types[np.searchsorted(changes, seconds, side="right") - 1]
