@@ -25,6 +25,7 @@ from outrider.sim.truth import EPOCH
 from outrider.sim.world import World
 from outrider.team.driver import Driver, DriverSettings
 from outrider.team.ground import Ground
+from outrider.team.reaction import Reaction
 from outrider.typing import Floats
 
 Positive: TypeAlias = Annotated[Number, Field(gt=0)]
@@ -120,7 +121,13 @@ def ground_robot(
     )
     own = navigator(carried, put, EPOCH, world, flies=False, robot=robot)
     mount = np.zeros(3) if lidar is None else _mount(lidar)
-    return Ground(navigator=own, driver=driver, lidar=mount, others=others)
+    late = Reaction(seconds=drive_lag(vehicle))
+    return Ground(navigator=own, driver=driver, lidar=mount, others=others, reaction=late)
+
+
+def drive_lag(vehicle: Vehicle) -> float:
+    """Delay and lag of a base on wheels [s]."""
+    return vehicle.latency_s + vehicle.drive.lag_s if isinstance(vehicle, Mecanum | Differential | Steered) else 0.0
 
 
 def drive_limits(section: DrivePart, vehicle: Vehicle) -> DriveLimits:

@@ -14,6 +14,7 @@ from outrider.data.scan import Scan
 from outrider.mapping.layers import Other
 from outrider.team.driver import Answer, Driver
 from outrider.team.navigator import Fused, Navigator
+from outrider.team.reaction import Reaction
 from outrider.team.words import STATUS, Status
 from outrider.typing import Floats
 
@@ -26,7 +27,8 @@ class Ground:
     """A robot that drives on its own estimate.
 
     lidar : (3,) pose of the lidar in the body: forward, left [m], turned by [rad];  blind : m, what it sees of its own
-    robot;  others : the footprint that other robots are taken to have.
+    robot;  others : the footprint that other robots are taken to have;
+    reaction : how late the base does what it is told.
     """
 
     navigator: Navigator
@@ -34,6 +36,7 @@ class Ground:
     lidar: Floats = field(default_factory=lambda: np.zeros(3))
     blind: float = 0.05
     others: Footprint | None = None
+    reaction: Reaction = field(default_factory=lambda: Reaction(seconds=0.0))
     _heard: dict[str, Status] = field(default_factory=dict[str, Status])
 
     def drive(self, t: int, records: Sequence[Stream], inbox: Sequence[Message]) -> tuple[Fused, Answer]:
@@ -44,7 +47,9 @@ class Ground:
             if m.topic == STATUS and m.sender != self.navigator.robot:
                 self._heard[m.sender] = Status.of(m)
         scans = [scan for s in records if s.kind is Kind.SCAN for scan in self._scans(s, here)]
-        return here, self.driver.step(t * 1e-9, here, scans, self._neighbours(t))
+        answer = self.driver.step(t * 1e-9, self.reaction.ahead(here), scans, self._neighbours(t))
+        self.reaction.told(t * 1e-9, answer.twist)
+        return here, answer
 
     def _scans(self, s: Stream, here: Fused) -> list[Scan]:
         """Each turn of the lidar from where the robot was then."""
