@@ -7,7 +7,7 @@ from scipy.linalg import solveh_banded
 
 from outrider.planning.local.banded import BAND, factor, solve
 from outrider.planning.local.normal import assemble
-from outrider.planning.local.problem import KNOT, Weights, workspace
+from outrider.planning.local.problem import KNOT, workspace
 from outrider.planning.local.terms import TERMS
 from outrider.safety.clearance import around
 
@@ -39,10 +39,9 @@ def everything(base: str):
     """A problem in which every term is active, and a crooked band."""
     rng, n = np.random.default_rng(1), 8
     now = situation((2.0, 1.0, 0.5), pose=(0.0, 0.0, 0.2), twist=np.array([0.1, 0.0, 0.05]))
-    p = teb(BASES[base], weights=Weights(via=2.0, beside=3.0))._problem(now, around(now.surroundings, 1.2))
+    p = teb(BASES[base])._problem(now, around(now.surroundings, 1.2))
     p = p._replace(
-        vias=np.array([[1.0, 0.8]]), path=np.array([[0.0, 0.0], [1.0, 0.6], [2.0, 1.0]]), west=-0.5, south=-1.0,
-        obstacles=np.array([[0.5, 0.4, 0.2, 0.1, -0.2], [1.5, 0.2, 0.1, 0.0, 0.0]]), horizon=1.2,
+        west=-0.5, south=-1.0, obstacles=np.array([[0.5, 0.4, 0.2, 0.1, -0.2], [1.5, 0.2, 0.1, 0.0, 0.0]]), horizon=1.2,
         field=np.abs(rng.normal(size=(30, 30))) * 0.5, resolution=0.1,
     )  # fmt: skip
     z = np.zeros((n, KNOT))

@@ -10,6 +10,7 @@ from outrider.core.angles import wrap, wrap_all
 from outrider.data.driving import DriveLimits, Situation, Steering
 from outrider.planning.local.dubins import dubins
 from outrider.planning.local.optimise import FEWEST
+from outrider.planning.local.reeds_shepp import driven, reeds_shepp
 from outrider.typing import Floats
 
 GRAIN: Final = 0.02  # m between samples of a path, about
@@ -22,7 +23,7 @@ def along(path: Floats, now: Situation, limits: DriveLimits, dt: float, capacity
     """(n, 4) from the pose now to the goal along a polyline (m, 2), as fast as the limits allow on that shape.
 
     A holonomic base turns evenly on the way; a differential one turns on the spot where it faces another way; a car
-    leaves and arrives on circles of its smallest radius (Dubins 1957).
+    leaves and arrives on circles of its smallest radius, backward where that is quicker.
     """
     poses = _shape(np.vstack([now.pose[:2], path[1:-1], now.goal[:2]]), now, limits)
     clock = np.zeros(len(poses))
@@ -75,25 +76,26 @@ def _better_backward(p: Floats, heading: Floats, now: Situation, limits: DriveLi
 
 
 def _for_car(p: Floats, now: Situation, limits: DriveLimits) -> Floats:
-    """Circles and straights between the ends and the path; the other way round if that is much shorter backward."""
+    """Circles and straights between the ends and the path, or from end to end where the path is too short for that."""
     r = 1.1 * limits.min_radius
-    heading = np.unwrap(np.arctan2(np.gradient(p[:, 1]), np.gradient(p[:, 0])))
-    span = GRAIN * len(p)
     k = int(2.5 * r / GRAIN)
     if len(p) > 2 * k + 2:  # room to join the path and to leave it
+        heading = np.unwrap(np.arctan2(np.gradient(p[:, 1]), np.gradient(p[:, 0])))
         joined, left = np.array([*p[k], heading[k]]), np.array([*p[-k], heading[-k]])
-        ends = dubins(now.pose, joined, r, GRAIN), dubins(left, now.goal, r, GRAIN)
+        ends = _turned(now.pose, joined, r, limits), _turned(left, now.goal, r, limits)
         if max(len(ends[0]), len(ends[1])) < 3 * k:
             poses = np.vstack([ends[0], np.column_stack([p, heading])[k + 1 : -k], ends[1]])
             poses[:, 2] = np.unwrap(poses[:, 2])
             return poses
-    ahead = dubins(now.pose, now.goal, r, GRAIN)
-    if limits.backward > 0.0:
-        half = np.array([0.0, 0.0, np.pi])
-        back = dubins(now.pose + half, now.goal + half, r, GRAIN) - half
-        if len(back) / limits.backward < len(ahead) / limits.forward:
-            return back
-    return ahead if len(ahead) * GRAIN > 0.0 or span == 0.0 else np.column_stack([p, heading])
+    return _turned(now.pose, now.goal, r, limits)
+
+
+def _turned(start: Floats, goal: Floats, radius: float, limits: DriveLimits) -> Floats:
+    """(n, 3) poses on the quickest circles and straights, backward too if the car can; a cusp costs a stop."""
+    if limits.backward == 0.0:
+        return dubins(start, goal, radius, GRAIN)
+    slower, stop = limits.forward / limits.backward, 0.5 * limits.forward**2 / limits.acceleration
+    return driven(start, reeds_shepp(start, goal, radius, back=slower, cusp=stop), GRAIN)
 
 
 def _rounded(corners: Floats, reach: float) -> Floats:
@@ -119,15 +121,18 @@ def ride(poses: Floats, rows: Floats, axes: Floats, speed: float, work: Floats, 
     """clock (m,) <- when each pose (m, 3) is passed, as soon as velocity set and accelerations allow, then at rest.
 
     Along a unit u of the motion per metre, speeds are below 1 / max rows u and rates below 1 / max axes u; it stops
-    where it begins or ends to turn on the spot.  work (m, 4) is scratch: length, speed, rate, turning.
+    where it begins or ends to turn on the spot, and where it changes direction.  work (m, 4) is scratch: length, speed,
+    rate, whether it stops before that piece.
     """
-    m = poses.shape[0]
+    m, was_x, was_y, turned_there = poses.shape[0], 0.0, 0.0, False
     for k in range(m - 1):
         dx, dy, turned = poses[k + 1, 0] - poses[k, 0], poses[k + 1, 1] - poses[k, 1], poses[k + 1, 2] - poses[k, 2]
         length = sqrt(dx * dx + dy * dy)
         spot = length < 1e-4
         length = max(length, abs(turned)) if spot else length
-        work[k, 0], work[k, 3] = length, 1.0 if spot else 0.0
+        stops = k > 0 and (spot != turned_there or (not spot and dx * was_x + dy * was_y < 0.0))
+        was_x, was_y, turned_there = dx, dy, spot
+        work[k, 0], work[k, 3] = length, 1.0 if stops else 0.0
         if length < 1e-9:
             work[k, 1], work[k, 2] = 1e3, 1e3
             continue
@@ -144,14 +149,14 @@ def ride(poses: Floats, rows: Floats, axes: Floats, speed: float, work: Floats, 
         work[k, 1], work[k, 2] = 1.0 / most, 1.0 / hard
     v = speed
     for k in range(m - 1):  # forward: speed at the end of each piece
-        if k > 0 and work[k, 3] != work[k - 1, 3]:
+        if work[k, 3] > 0.0:
             v = 0.0
         v = min(sqrt(v * v + 2.0 * work[k, 2] * work[k, 0]), work[k, 1])
         clock[k + 1] = v
     clock[0] = speed
     v = 0.0
     for k in range(m - 2, -1, -1):  # backward
-        if k < m - 2 and work[k, 3] != work[k + 1, 3]:
+        if work[k + 1, 3] > 0.0:
             v = 0.0
         clock[k + 1] = min(clock[k + 1], v)
         v = min(sqrt(v * v + 2.0 * work[k, 2] * work[k, 0]), work[k, 1])

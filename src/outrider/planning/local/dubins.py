@@ -36,13 +36,13 @@ def dubins(start: Floats, goal: Floats, radius: float, grain: float) -> Floats:
     poses = [np.array([start])]
     for turned, length in pieces:
         if length > 1e-9:
-            poses.append(_arc(poses[-1][-1], turned, length, grain))
+            poses.append(arc(poses[-1][-1], turned, length, grain))
     return np.vstack(poses)
 
 
-def _arc(pose: Floats, turned: float, length: float, grain: float) -> Floats:
-    """(k, 3) poses after this one along an arc, or straight on."""
-    k = int(np.ceil(length / grain))
+def arc(pose: Floats, turned: float, length: float, grain: float) -> Floats:
+    """(k, 3) poses after this one along an arc or straight on, backward for a negative length."""
+    k = int(np.ceil(abs(length) / grain))
     s = np.linspace(0.0, 1.0, k + 1)[1:]
     heading = pose[2] + turned * s
     chord = length * s * np.sinc(0.5 * turned * s / pi)

@@ -1,15 +1,31 @@
 """How far ahead a local planner looks along a path from a global one."""
 
 from dataclasses import replace
+from math import hypot, inf
 from typing import Final
 
 import numpy as np
 
+from outrider._kernel import kernel
 from outrider.data.driving import Situation
-from outrider.planning.local.normal import nearest_piece
 from outrider.typing import Floats
 
 SOON: Final = 1.0  # m of path that tell its direction
+
+
+@kernel
+def nearest_piece(path: Floats, x: float, y: float) -> int:
+    """Index of the piece of a path (n, 2) that passes (x, y) most closely; a later one among equals."""
+    nearest, best = 0, inf
+    for k in range(path.shape[0] - 1):
+        ex, ey = path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1]
+        px, py = x - path[k, 0], y - path[k, 1]
+        length2 = ex * ex + ey * ey
+        s = min(max((px * ex + py * ey) / length2, 0.0), 1.0) if length2 > 0.0 else 0.0
+        d = hypot(px - s * ex, py - s * ey)
+        if d <= best:
+            nearest, best = k, d
+    return nearest
 
 
 def remaining(path: Floats, p: Floats) -> Floats:

@@ -4,7 +4,7 @@ Knots carry the time from now instead of the time step: what depends on when a p
 then still concerns one knot only, and the matrix stays banded.
 """
 
-from math import cos, hypot, inf, sin, sqrt
+from math import cos, hypot, sin, sqrt
 
 from outrider._kernel import inlined, kernel
 from outrider.core.angles import wrap
@@ -13,7 +13,6 @@ from outrider.planning.local.problem import DA, KNOT, Q5, RATE, THETA, W3, C, E,
 from outrider.planning.local.terms import (
     acceleration,
     backward,
-    beside,
     duration,
     evenness,
     mapped,
@@ -22,7 +21,6 @@ from outrider.planning.local.terms import (
     turning,
     turning_radius,
     velocity,
-    via,
 )
 from outrider.typing import Floats
 
@@ -289,45 +287,6 @@ def bodies(z: Floats, n: int, p: Problem, s: Floats, B: Floats, b: Floats) -> fl
     return cost
 
 
-@inlined
-def guides(z: Floats, n: int, p: Problem, s: Floats, B: Floats, b: Floats) -> float:
-    """Via points pull the nearest knot; the path pulls every knot to its nearest piece."""
-    theta, g, cost = s[THETA], s[G], 0.0
-    for k in range(p.vias.shape[0]):
-        nearest, best = 0, inf
-        for i in range(1, n - 1):
-            d = hypot(z[i, 0] - p.vias[k, 0], z[i, 1] - p.vias[k, 1])
-            if d < best:
-                nearest, best = i, d
-        for axis in range(2):
-            theta[0], theta[1] = p.vias[k, 0], p.vias[k, 1]
-            theta[2], theta[3] = 1.0 - axis, float(axis)
-            r = via(z[nearest], theta, 1.0, g)
-            cost += spread(B, b, KNOT * nearest, g, 2, r, p.weights.via)
-    for i in range(1, n - 1 if p.weights.beside > 0.0 and p.path.shape[0] > 1 else 0):
-        k = nearest_piece(p.path, z[i, 0], z[i, 1])
-        theta[0], theta[1] = p.path[k, 0], p.path[k, 1]
-        theta[2], theta[3] = p.path[k + 1, 0], p.path[k + 1, 1]
-        r = beside(z[i], theta, 1.0, g)
-        cost += spread(B, b, KNOT * i, g, 2, r, p.dt * p.weights.beside)
-    return cost
-
-
-@kernel
-def nearest_piece(path: Floats, x: float, y: float) -> int:
-    """Index of the piece of a path (n, 2) that passes (x, y) most closely; a later one among equals."""
-    nearest, best = 0, inf
-    for k in range(path.shape[0] - 1):
-        ex, ey = path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1]
-        px, py = x - path[k, 0], y - path[k, 1]
-        length2 = ex * ex + ey * ey
-        s = min(max((px * ex + py * ey) / length2, 0.0), 1.0) if length2 > 0.0 else 0.0
-        d = hypot(px - s * ex, py - s * ey)
-        if d <= best:
-            nearest, best = k, d
-    return nearest
-
-
 @kernel
 def assemble(z: Floats, n: int, p: Problem, u: Floats, s: Floats, B: Floats, b: Floats) -> float:
     """The cost of the band z (n, 4), B = J' W J (columns below the diagonal) and b = -J' W r.
@@ -341,7 +300,6 @@ def assemble(z: Floats, n: int, p: Problem, u: Floats, s: Floats, B: Floats, b: 
     cost = steps(z, n, p, u, s, B, b)
     cost += changes(z, n, p, u, s, B, b)
     cost += bodies(z, n, p, s, B, b)
-    cost += guides(z, n, p, s, B, b)
     pin(B, n, 1.0)
     for m in range(7):
         b[m if m < 4 else KNOT * n - 8 + m] = 0.0

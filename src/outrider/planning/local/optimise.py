@@ -97,13 +97,14 @@ def descend(n: int, p: Problem, w: Work, iterations: int, tolerance: float) -> t
     return cost, used
 
 
-@kernel
 def optimise(n: int, p: Problem, w: Work, passes: int, iterations: int, tolerance: float) -> tuple[int, float, int]:
-    """Resize and descend, in turn; returns knots, cost, iterations. The band is w.z."""
+    """Resize and descend, in turn; returns knots, cost, iterations. The band is w.z.
+
+    No kernel: what calls a kernel is compiled together with it once more.
+    """
     used, cost = 0, 0.0
     for k in range(passes):
-        before = n
-        n = resize(w, n, p.dt)
+        before, n = n, resize(w, n, p.dt)
         if k > 0 and n == before:
             break
         cost, more = descend(n, p, w, iterations, tolerance)

@@ -17,13 +17,11 @@ class Weights(NamedTuple):
     evenness: float = 100.0
     velocity: float = 40.0
     acceleration: float = 20.0
-    slip: float = 100.0
+    slip: float = 300.0
     turning_radius: float = 400.0
     backward: float = 1.0
     turning: float = 0.05
     obstacle: float = 60.0
-    via: float = 0.0
-    beside: float = 0.0
 
 
 class Problem(NamedTuple):
@@ -46,8 +44,6 @@ class Problem(NamedTuple):
     discs: Floats  # (k, 3) x, y, radius of the discs that cover the body
     obstacles: Floats  # (n, 5) x, y, radius, v_x, v_y
     field: Floats  # (rows, cols) m, empty for none
-    path: Floats  # (n, 2)
-    vias: Floats  # (n, 2)
 
 
 class Work(NamedTuple):

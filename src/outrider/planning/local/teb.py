@@ -6,7 +6,7 @@ Source: amr2025 (19)-(22); Roesmann et al. 2012 and 2017 for terms and classes. 
 
 from dataclasses import dataclass, field, replace
 from math import cos, sin
-from typing import final
+from typing import Final, final
 
 import numpy as np
 
@@ -22,10 +22,10 @@ from outrider.planning.local.optimise import optimise
 from outrider.planning.local.problem import Problem, Weights, Work, workspace
 from outrider.planning.local.ways import obstacles_near, same, signature, ways
 from outrider.safety.clearance import Around, Body, Clash, around, body_of, clash
-from outrider.safety.stopping import saturated, smoothed
+from outrider.safety.stopping import braking, saturated, smoothed, stop, stopping_distance
 from outrider.typing import Floats
 
-NO_POINTS = np.empty((0, 2))
+SLOW: Final = 0.1  # of the limits
 
 
 @final
@@ -106,12 +106,16 @@ class Teb:
 
     def plan(self, now: Situation, last: LocalPlan | None = None) -> LocalPlan:
         """See `LocalPlanner`."""
-        # a robot that stands at its goal stays
-        if self._arrived(now, last):
-            return LocalPlan(outcome=LocalOutcome.ARRIVED, time=now.time, twist=np.zeros(3))
+        around_ = around(now.surroundings, self.settings.horizon)
+        blocked = Blocked(self.limits, self.settings.period, self._body, around_)
+        # a robot that stands at its goal stays, one that would come to stand there brakes
+        outcome = self._at_goal(now, last)
+        if outcome is not None:
+            twist = stop(now.twist, self.limits, self.settings.period)
+            band = braking(now.pose, now.twist, self.limits, 0.0)
+            return answer(blocked, now, LocalPlan(outcome=outcome, time=now.time, twist=twist, band=band), last)
         # the next metres of the path
         here = near(now, self.settings.reach)
-        around_ = around(here.surroundings, self.settings.horizon)
         problem = self._problem(here, around_)
         # the band from before, from here on
         kept = None if last is None else resumed(last.band, now.time - last.time, here)
@@ -119,7 +123,7 @@ class Teb:
         # other ways, now and then, and whenever this one is blocked
         explored = last.explored if last is not None else -np.inf
         bands = [] if current is None else [current]
-        stalled = current is not None and last is not None and _stalled(current, now, last)
+        stalled = current is not None and last is not None and self._stalled(current, now, last)
         due = now.time - explored >= self.settings.explore
         if current is None or not current.clash.free or due or stalled:
             bands += self._others(here, problem, around_, current, again=stalled)
@@ -139,17 +143,27 @@ class Teb:
             conflict=None if best.clash.free else _conflict(best),
         )
         # what the robot can still do if the way is blocked
-        return answer(Blocked(self.limits, self.settings.period, self._body, around_), here, plan, last)
+        return answer(blocked, here, plan, last)
 
-    def _arrived(self, now: Situation, last: LocalPlan | None) -> bool:
-        if now.through:
-            return False
-        s = self.settings
+    def _at_goal(self, now: Situation, last: LocalPlan | None) -> LocalOutcome | None:
+        """Whether the place where the robot would stand is as good as the goal, and one period later not better."""
+        s, reach = self.settings, float(np.hypot(*(now.goal[:2] - now.pose[:2])))
+        speed, turn = float(np.hypot(now.twist[0], now.twist[1])), abs(float(now.twist[2]))
+        if now.through or reach > 2.0 * s.xy + stopping_distance(speed, self.limits.deceleration):
+            return None
         was = last is not None and last.outcome is LocalOutcome.ARRIVED
         wide = 2.0 if was else 1.0  # a robot that has arrived does not twitch
-        off, turned = np.hypot(*(now.goal[:2] - now.pose[:2])), abs(wrap(float(now.goal[2] - now.pose[2])))
-        slow = np.hypot(now.twist[0], now.twist[1]) < 0.1 and abs(now.twist[2]) < 0.2
-        return bool(off < wide * s.xy and turned < wide * s.yaw and slow)
+        rest, late = (self._off(braking(now.pose, now.twist, self.limits, t)[-1], now.goal) for t in (0.0, s.period))
+        if max(rest) >= wide:
+            return None
+        if speed < 0.1 and turn < 0.2:
+            return LocalOutcome.ARRIVED
+        return LocalOutcome.DRIVE if sum(rest) <= sum(late) else None
+
+    def _off(self, pose: Floats, goal: Floats) -> tuple[float, float]:
+        """Distance and angle to the goal, in shares of what is allowed."""
+        s = self.settings
+        return float(np.hypot(*(goal[:2] - pose[:2]))) / s.xy, abs(wrap(float(goal[2] - pose[2]))) / s.yaw
 
     def _problem(self, now: Situation, a: Around) -> Problem:
         s, limits = self.settings, self.limits
@@ -158,7 +172,6 @@ class Teb:
             holonomic=limits.steering is Steering.HOLONOMIC, radius=1.1 * limits.min_radius, through=now.through,
             gap=s.gap, horizon=s.horizon, west=a.west, south=a.south, resolution=a.resolution, rows=self._rows,
             rates=np.vstack([limits.axes, now.twist]), discs=self._discs, obstacles=a.discs, field=a.field,
-            path=now.path, vias=NO_POINTS,
         )  # fmt: skip
 
     def _optimised(self, z: Floats, p: Problem, a: Around, *, passes: int, iterations: int) -> Band:
@@ -193,6 +206,14 @@ class Teb:
             out.append(self._optimised(start, p, a, passes=3, iterations=25))
         return out
 
+    def _stalled(self, current: Band, now: Situation, last: LocalPlan) -> bool:
+        """Whether a robot that hardly moves puts its start off: less than half of the time that passed was gained."""
+        moves = (
+            np.hypot(now.twist[0], now.twist[1]) > SLOW * self.limits.forward
+            or abs(now.twist[2]) > SLOW * self.limits.turn
+        )
+        return not moves and float(current.z[-1, 3]) > last.duration - 0.5 * (now.time - last.time)
+
     def _chosen(self, bands: list[Band], current: Band | None) -> Band:
         """The least value; another class than the current one only if it is clearly better."""
         seconds, share = self.settings.keep
@@ -220,11 +241,6 @@ def _mean_twist(a: Floats, b: Floats) -> tuple[float, Floats]:
     dx, dy, f = x1 - x0, y1 - y0, 1.0 / (t1 - t0)
     twist = np.array([(c * dx + s * dy) * longer * f, (c * dy - s * dx) * longer * f, turned * f])
     return 0.5 * (t1 - t0), twist
-
-
-def _stalled(current: Band, now: Situation, last: LocalPlan) -> bool:
-    """Whether the goal came nearer in time by less than half of the time that passed: the start is put off."""
-    return float(current.z[-1, 3]) > last.duration - 0.5 * (now.time - last.time)
 
 
 def _conflict(b: Band) -> Conflict:

@@ -8,11 +8,13 @@ Source: amr2025 (19)-(22), after Roesmann et al. (2012, 2017); where ours differ
 """
 
 from collections.abc import Callable, Mapping
-from math import hypot, sqrt
+from math import sqrt
 from typing import Final, NamedTuple
 
 from outrider._kernel import inlined
 from outrider.typing import Floats
+
+CREEP: Final = 0.02  # of top speed
 
 
 @inlined
@@ -57,12 +59,16 @@ def acceleration(v: Floats, theta: Floats, a: float, g: Floats) -> float:
 
 @inlined
 def slip(v: Floats, theta: Floats, a: float, g: Floats) -> float:
-    """v = u;  a = 1 / top speed.  r = a u_y: both poses on one circular arc, for bases that do not go sideways.
+    """v = u;  a = 1 / top speed.  r = a u_y / sqrt(CREEP + a |u_x|): both poses on one circular arc, for bases that do
+    not go sideways.
 
-    On a chord the mean heading is the chord's, so u_y in that frame is the usual non-holonomic residual over T.
+    On a chord the mean heading is the chord's, so u_y in that frame is the usual non-holonomic residual over T. Squared
+    and over time, r is the way gone aside: without the root going aside would be the cheaper the slower it is done.
     """
-    g[0], g[1], g[2] = 0.0, a, 0.0
-    return a * v[1]
+    s = 1.0 / (CREEP + a * abs(v[0]))
+    root = sqrt(s)
+    g[0], g[1], g[2] = -0.5 * a * a * (1.0 if v[0] >= 0.0 else -1.0) * v[1] * s * root, a * root, 0.0
+    return a * v[1] * root
 
 
 @inlined
@@ -118,22 +124,6 @@ def obstacle(v: Floats, theta: Floats, a: float, g: Floats) -> float:
 
 
 @inlined
-def via(v: Floats, theta: Floats, a: float, g: Floats) -> float:
-    """v = x, y of a pose;  theta = a point, and the axis (1, 0) or (0, 1) to compare.  r = a (p - q) on that axis."""
-    g[0], g[1] = a * theta[2], a * theta[3]
-    return g[0] * (v[0] - theta[0]) + g[1] * (v[1] - theta[1])
-
-
-@inlined
-def beside(v: Floats, theta: Floats, a: float, g: Floats) -> float:
-    """v = x, y of a pose;  theta = two ends of a piece of the path.  r = a times the distance to the left of it."""
-    ex, ey = theta[2] - theta[0], theta[3] - theta[1]
-    share = a / hypot(ex, ey)
-    g[0], g[1] = -share * ey, share * ex
-    return g[0] * (v[0] - theta[0]) + g[1] * (v[1] - theta[1])
-
-
-@inlined
 def mapped(v: Floats, theta: Floats, a: float, g: Floats, field: Floats) -> float:
     """v = x, y of a disc of the body;  theta = west, south, resolution, reach;  a = 1 / wanted gap;  field: distances.
 
@@ -174,7 +164,5 @@ TERMS: Final[Mapping[str, Term]] = {
     "backward": Term(backward, 3, (), 1.5),
     "turning": Term(turning, 3, (), 0.8),
     "obstacle": Term(obstacle, 3, (0.1, -0.2, 1.5, 0.3, -0.4, 0.5), 2.0),
-    "via": Term(via, 2, (0.3, 0.4, 0.0, 1.0), 1.1),
-    "beside": Term(beside, 2, (0.1, -0.2, 1.0, 0.7), 0.8),
     "mapped": Term(mapped, 2, (-1.6, -1.4, 0.4, 1.1), 1.3),
 }
