@@ -15,9 +15,18 @@ from outrider.data.surroundings import Surroundings
 from outrider.errors import ConfigError
 from outrider.models.wheels import WheelKinematics
 from outrider.safety.clearance import around, body_of, clash, room
-from outrider.safety.monitor import Action, Monitor, Zone, returns
+from outrider.safety.monitor import AWAY, Action, Monitor, Zone, returns
 from outrider.safety.stage import Inputs, Reason, SafetyStage, Scan, Watchdog
-from outrider.safety.stopping import braking, moved, saturated, smoothed, stop, stopping_distance, stopping_time
+from outrider.safety.stopping import (
+    brakeable,
+    braking,
+    moved,
+    saturated,
+    smoothed,
+    stop,
+    stopping_distance,
+    stopping_time,
+)
 
 BOX = Footprint.rectangle(0.8, 0.5)
 MECANUM = DriveLimits(
@@ -189,26 +198,81 @@ def test_a_slow_zone_scales_the_command() -> None:
     np.testing.assert_allclose(out[-1].twist, 0.4 * FORWARD)
 
 
-def test_approach_is_slower_the_sooner_it_touches_and_never_touches() -> None:
-    """Straight on to a wall: the front, 0.4 m ahead, comes to it by less than any step and not beyond."""
-    stage = replace(STAGE, monitor=Monitor(footprint=BOX))
+def test_approach_keeps_what_the_brakes_can_do_and_never_touches() -> None:
+    """Straight on to a wall: v t_r + v^2 / 2 b never exceeds the way that is left, and not much less is driven."""
+    stage = replace(STAGE, monitor=Monitor(footprint=BOX, reaction=0.2))
     state, x, speeds = stage.start(0.0), 0.0, []
     for k in range(200):
         state, answer = stage.step(state, seen(0.1 * k, wall(4.0 - x)))
-        x += 0.1 * float(answer.twist[0])
         speeds.append(float(answer.twist[0]))
+        if answer.reason is Reason.APPROACHING:
+            assert stopping_distance(speeds[-1], 1.0, 0.2) <= 3.6 - x + 1e-6
+        x += 0.1 * float(answer.twist[0])
         assert x < 3.6
-    assert x > 3.3
-    assert state.count(Reason.APPROACHING) > 20
-    assert speeds[-1] < 0.05
+    assert x > 3.5
+    assert state.count(Reason.APPROACHING) > 5 and state.times(Reason.APPROACHING) == 1
+    assert speeds[-1] < 0.02
+
+
+@given(soon=st.floats(0.0, 5.0), rest=st.floats(0.0, 5.0), reaction=st.floats(0.01, 1.0))
+@settings(max_examples=100, deadline=None)
+def test_what_can_be_braked_is_the_root_of_its_equation(soon: float, rest: float, reaction: float) -> None:
+    s = brakeable(soon, rest, reaction)
+    assert 0.0 <= s <= 1.0
+    needed = s * reaction + 0.5 * s * s * rest
+    assert needed == pytest.approx(soon, abs=1e-9) if s < 1.0 else needed <= soon + 1e-9
 
 
 def test_time_to_collision_is_distance_by_speed() -> None:
-    monitor = Monitor(footprint=BOX)
-    assert monitor.time_to_collision(np.array([[1.2, 0.0]]), np.array([1.0, 0.0, 0.0])) == pytest.approx(0.8, abs=0.06)
-    assert monitor.time_to_collision(np.array([[1.2, 0.3]]), np.array([1.0, 0.0, 0.0])) == np.inf
-    assert monitor.time_to_collision(np.array([[0.5, 0.0]]), np.zeros(3)) == np.inf
+    monitor, ahead = Monitor(footprint=BOX), np.array([1.0, 0.0, 0.0])
+    assert monitor.time_to_collision(np.array([[1.2, 0.0]]), ahead, 2.0) == pytest.approx(0.8, abs=0.06)
+    assert monitor.time_to_collision(np.array([[1.2, 0.3]]), ahead, 2.0) == np.inf
+    assert monitor.time_to_collision(np.array([[1.2, 0.0]]), ahead, 0.5) == np.inf
+    assert monitor.time_to_collision(np.array([[0.5, 0.0]]), np.zeros(3), 2.0) == np.inf
     assert Action.APPROACH.value == Reason.APPROACHING.value
+
+
+@pytest.mark.parametrize(
+    ("command", "allowed"),
+    [((-0.5, 0.0, 0.0), True), ((0.5, 0.0, 0.0), False), ((0.5, 0.1, 0.0), False), ((0.0, 0.0, 0.5), False)],
+)
+@pytest.mark.parametrize("zones", [(), (NEAR,)])
+def test_what_is_too_near_holds_no_motion_that_leads_away_from_it(
+    command: tuple[float, float, float], allowed: bool, zones: tuple[Zone, ...]
+) -> None:
+    """A wall that cuts 1 cm off the front: forward never, turning never, back slowly."""
+    stage = replace(STAGE, monitor=Monitor(footprint=BOX, zones=zones))
+    state, out = stage.start(0.0), []
+    for k in range(12):
+        state, answer = stage.step(state, seen(0.1 * k, wall(0.39), np.array(command)))
+        out.append(answer)
+    assert out[-1].reason is (Reason.LEAVING if allowed else Reason.ZONE)
+    np.testing.assert_allclose(out[-1].twist, AWAY * np.array(command) if allowed else np.zeros(3))
+    assert not out[-1].reason.stops or not allowed
+
+
+def test_the_scan_is_carried_to_where_the_robot_is_by_now() -> None:
+    """The wall was 1.6 m away 0.4 s ago, at 0.8 m/s: 0.32 m are gone."""
+    stage = replace(STAGE, monitor=Monitor(footprint=BOX))
+    state = replace(moving(), watch=stage.start(0.0).watch)
+    old = seen(4.0, wall(1.2)).scan
+    _, late = stage.step(state, seen(4.4, scan=old))
+    _, fresh = stage.step(replace(state, time=4.3), seen(4.4, wall(1.2 - 0.4 * 0.8)))
+    assert late.ruling is not None and fresh.ruling is not None
+    assert late.ruling.time_to_collision == pytest.approx(fresh.ruling.time_to_collision, abs=0.02)
+
+
+def test_a_base_without_a_lidar_is_asked_for_no_scan() -> None:
+    stage = replace(STAGE, monitor=None)
+    state, answer = stage.step(stage.start(0.0), seen(0.1, scan=None))
+    assert answer.reason is Reason.LIMITED and answer.twist[0] == pytest.approx(0.05)
+    _, answer = stage.step(state, seen(0.2, scan=None, pose=None))
+    assert answer.reason is Reason.NO_LOCALISATION
+
+
+def test_who_stands_and_wants_to_stand_is_not_held_up() -> None:
+    state, out = run([seen(0.1 * k, command=np.zeros(3), scan=None) for k in range(5)])
+    assert out[-1].reason is Reason.NO_SCAN and state.count(Reason.NO_SCAN) == 0
 
 
 def test_returns_of_a_mounted_lidar() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from outrider.data import Kind, Stream, stream
 from outrider.data.agents import Message
-from outrider.data.driving import LocalOutcome, LocalPlan, Situation
+from outrider.data.driving import DriveLimits, LocalOutcome, LocalPlan, Situation, Steering
 from outrider.data.footprint import Footprint
 from outrider.data.grid import Costmap, Grid
 from outrider.data.routes import Path, PathOutcome
@@ -36,6 +36,8 @@ class Straight:
 
 
 class Ahead:
+    limits = DriveLimits(steering=Steering.DIFFERENTIAL, forward=1.0, turn=1.0, acceleration=1.0, turn_acceleration=1.0)
+
     def plan(self, now: Situation, last: LocalPlan | None = None) -> LocalPlan:
         return LocalPlan(outcome=LocalOutcome.DRIVE, time=now.time, twist=AHEAD.copy())
 

@@ -195,6 +195,11 @@ class LocalPlan:
 class LocalPlanner(Protocol):
     """Turns a situation into a command, many times a second."""
 
+    @property
+    def limits(self) -> DriveLimits:
+        """What the base that it commands can do."""
+        ...
+
     def plan(self, now: Situation, last: LocalPlan | None = None) -> LocalPlan:
         """The answer; `last` is the one before, to start from. Every way to fail is an outcome."""
         ...

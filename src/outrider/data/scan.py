@@ -16,8 +16,8 @@ class Scan:
 
     pose : (3,) east, north [m] and heading [rad] of the sensor, site frame, in the middle of the turn;
     bearings : (n,) rad from the sensor's forward, counter-clockwise;  ranges : (n,) m, inf where nothing returned;
-    reach : m, how far it sees: what is no nearer has not returned;  blind : m, what is nearer tells nothing.
-    A range that is NaN, or -inf, tells nothing either.
+    reach : m, how far it sees: what is no nearer has not returned;  blind : m, what is nearer tells nothing;
+    age : s since then.  A range that is NaN, or -inf, tells nothing either.
 
     Raises DataError for a pose or a bearing that is not finite, and for arrays that do not fit.
     """
@@ -27,6 +27,7 @@ class Scan:
     ranges: Floats
     reach: float
     blind: float = 0.0
+    age: float = 0.0
 
     def __post_init__(self) -> None:
         if self.pose.shape != (3,) or self.bearings.ndim != 1 or self.ranges.shape != self.bearings.shape:

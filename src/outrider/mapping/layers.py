@@ -126,6 +126,14 @@ class LayeredCostmap:
         boxes += [box for box, *_ in self._others]
         self._refresh(boxes)
 
+    def seen_free(self, points: Floats) -> NDArray[np.bool_]:
+        """(n,) whether beams have passed where the points (n, 2) m are, and nothing was seen there since."""
+        cells = np.floor((points - self.origin) / self.resolution).astype(np.int64)[:, ::-1]
+        inside = ((cells >= 0) & (cells < self._shape)).all(axis=1)
+        out = np.zeros(len(points), np.bool_)
+        out[inside] = self._seen[tuple(cells[inside].T)] == FREE
+        return out
+
     def replace_zones(self, keep_out: Cells | None) -> None:
         """Other cells that may not be entered (not 0), on the grid of the ground; None where the zones were lost."""
         if keep_out is not None and keep_out.shape != self._ground.cells.shape:

@@ -1,7 +1,8 @@
 """Collision monitor: raw points of a scan against zones around the body and against the way that is commanded.
 
 Below every planner, knows no map. The models (stop, slow, approach by time to collision) and the debounce are those of
-nav2_collision_monitor; what a scan cannot tell counts as a reason to stop.
+nav2_collision_monitor, but for two things: how slow is asked of the brakes, not of a fixed share, and what already
+touches the robot holds no motion that leads away from it. What a scan cannot tell counts as a reason to stop.
 """
 
 from dataclasses import dataclass, field, replace
@@ -13,11 +14,13 @@ import numpy as np
 from outrider.core.flat import inside_polygon
 from outrider.data.footprint import Footprint
 from outrider.errors import ConfigError
-from outrider.safety.clearance import STRIDE, UNMAPPED, Around, Body, body_of, clash
-from outrider.safety.stopping import moved
-from outrider.typing import Floats
+from outrider.safety.clearance import STRIDE, UNMAPPED, Around, Body, body_of, clash, room
+from outrider.safety.stopping import brakeable, moved
+from outrider.typing import Bools, Floats
 
 HERE: Final = np.zeros(3)
+AWAY: Final = 0.3  # share of a command that leads away from what is too near
+BIT: Final = 0.02  # s of a command, to see where it leads
 
 
 class Action(Enum):
@@ -25,7 +28,8 @@ class Action(Enum):
 
     NONE = "nothing is near"
     SLOW = "something is in a zone where the robot slows down"
-    APPROACH = "the commanded way meets something soon: slower, the sooner the more"
+    APPROACH = "the commanded way meets something soon: slow enough to stop before it"
+    LEAVE = "something is too near: slowly away from it"
     STOP = "something is in a zone where the robot stops, or touches it"
     BLIND = "the scan is empty or mostly invalid: check the lidar"
 
@@ -50,12 +54,14 @@ class Zone:
             fix = "a share from 0 to below 1, one point or more"
             raise ConfigError(f"share {self.share:g}, {self.points} points", where=f"zone {self.name}", fix=fix)
 
-    def count(self, points: Floats) -> int:
-        """How many of the points (n, 2) lie inside."""
+    def within(self, points: Floats) -> Bools:
+        """(n,) which of the points (n, 2) lie inside."""
         outline = np.ascontiguousarray(self.outline, np.float64)
         low, high = outline.min(axis=0), outline.max(axis=0)
-        near = points[((points >= low) & (points <= high)).all(axis=1)]
-        return sum(inside_polygon(outline, 0, len(outline), float(x), float(y)) for x, y in near)
+        out = ((points >= low) & (points <= high)).all(axis=1)
+        for k in np.flatnonzero(out):
+            out[k] = inside_polygon(outline, 0, len(outline), float(points[k, 0]), float(points[k, 1]))
+        return out
 
 
 @final
@@ -82,46 +88,77 @@ class Ruling:
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Monitor:
-    """zones : checked all;  horizon, step : s over which a command is followed, and how finely;  trigger, release :
-    scans in a row until a zone takes force, and until it loses it;  valid : share of beams that must say something.
+    """zones : checked all;  step : s, how finely a command is followed;  reaction : s that pass before the base obeys;
+    trigger, release : scans in a row until a zone takes force, and until it loses it;  valid :
+    share of beams that must say something.
     """
 
     footprint: Footprint
     zones: tuple[Zone, ...] = ()
-    horizon: float = 2.0
     step: float = 0.1
+    reaction: float = 0.2
     trigger: int = 2
     release: int = 5
     valid: float = 0.3
     _body: Body = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.step <= self.horizon or self.trigger < 1 or self.release < 1 or not 0.0 < self.valid <= 1.0:
-            raise ConfigError("impossible horizon, step, trigger, release or valid share", where="collision monitor")
+        good = 0.0 < self.step < np.inf and 0.0 <= self.reaction < np.inf and 0.0 < self.valid <= 1.0
+        if not good or self.trigger < 1 or self.release < 1:
+            what = "impossible step, reaction, trigger, release or valid share"
+            raise ConfigError(what, where="collision monitor", fix="positive counts, step and share; a finite reaction")
         object.__setattr__(self, "_body", body_of(self.footprint))
 
     def start(self) -> Watch:
         """Every zone in force: a robot starts to move when its scans say that it may."""
         return Watch((0,) * len(self.zones), (True,) * len(self.zones))
 
-    def rule(self, watch: Watch, ranges: Floats, points: Floats, twist: Floats) -> tuple[Watch, Ruling]:
-        """One scan: ranges (n,), of which NaN are invalid and inf empty, and its returns (m, 2) m, body frame."""
+    def rule(self, watch: Watch, ranges: Floats, points: Floats, twist: Floats, rest: float) -> tuple[Watch, Ruling]:
+        """One scan: ranges (n,), of which NaN are invalid and inf empty, and its returns (m, 2) m, body frame.
+
+        rest : s that the base takes to stop from the command `twist` (3,).
+        """
         if not len(ranges) or np.mean(~np.isnan(ranges)) < self.valid or not np.isfinite(points).all():
             return replace(watch, seen=(0,) * len(self.zones)), Ruling(Action.BLIND, np.zeros(3))
-        counts = [zone.count(points) for zone in self.zones]
-        watch = self._debounced(watch, counts)
-        ruling = Ruling(Action.NONE, twist)
-        share = 1.0
-        for zone, on, count in zip(self.zones, watch.on, counts, strict=True):
+        inside = [zone.within(points) for zone in self.zones]
+        watch = self._debounced(watch, [int(x.sum()) for x in inside])
+        ruling, share = Ruling(Action.NONE, twist), 1.0
+        for zone, on, taken in zip(self.zones, watch.on, inside, strict=True):
             if on and zone.share < share:
-                share = zone.share
-                action = Action.STOP if share == 0.0 else Action.SLOW
-                ruling = Ruling(action, share * twist, zone.name, count)
-        soon = self.time_to_collision(points, twist)
-        if soon < self.horizon and soon / self.horizon < share:
-            action = Action.APPROACH if soon > 0.0 else Action.STOP
-            ruling = Ruling(action, soon / self.horizon * twist, "", len(points), soon)
+                share, action = zone.share, Action.SLOW
+                if share == 0.0:
+                    away = self._leaves(points[taken], twist)
+                    share, action = (AWAY, Action.LEAVE) if away else (0.0, Action.STOP)
+                ruling = Ruling(action, share * twist, zone.name, int(taken.sum()))
+        touching = self._touching(points)
+        if touching.any() and share > 0.0:
+            away = self._leaves(points[touching], twist)
+            share, action = (min(AWAY, share), Action.LEAVE) if away else (0.0, Action.STOP)
+            ruling = Ruling(action, share * twist, "", int(touching.sum()), 0.0)
+        soon = self.time_to_collision(points[~touching], twist, self.reaction + 0.5 * rest)
+        most = brakeable(soon, rest, self.reaction)
+        if most < share:
+            ruling = Ruling(Action.APPROACH if most > 0.0 else Action.STOP, most * twist, "", len(points), soon)
         return watch, ruling
+
+    def _room(self, point: Floats, pose: Floats) -> float:
+        disc = np.array([[point[0], point[1], 0.0, 0.0, 0.0]])
+        return room(self._body, Around(disc, UNMAPPED, 0.0, 0.0, 1.0, 0.0), pose[0], pose[1], pose[2], 0.0)[0]
+
+    def _touching(self, points: Floats) -> Bools:
+        """(m,) which points are inside the footprint, or on its edge."""
+        out = np.hypot(points[:, 0], points[:, 1]) <= self._body.circumscribed
+        for k in np.flatnonzero(out):
+            out[k] = self._room(points[k], HERE) <= 0.0
+        return out
+
+    def _leaves(self, points: Floats, twist: Floats) -> bool:
+        """Whether a command leads away from the nearest of the points, and nearer to none."""
+        if not len(points) or not np.abs(twist).max() > 0.0:
+            return False
+        soon = moved(HERE, twist, np.array([BIT]))[0]
+        now, then = (np.array([self._room(p, pose) for p in points]) for pose in (HERE, soon))
+        return bool((then >= now - 1e-9).all() and then[now.argmin()] > now.min() + 1e-9)
 
     def _debounced(self, watch: Watch, counts: list[int]) -> Watch:
         seen, on = list(watch.seen), list(watch.on)
@@ -131,11 +168,11 @@ class Monitor:
             on[k] = True if seen[k] >= self.trigger else False if -seen[k] >= self.release else on[k]
         return Watch(tuple(seen), tuple(on))
 
-    def time_to_collision(self, points: Floats, twist: Floats) -> float:
+    def time_to_collision(self, points: Floats, twist: Floats, horizon: float) -> float:
         """Seconds until the footprint, moving at this twist, is a STRIDE from a point; inf beyond the horizon."""
         if not len(points) or not np.abs(twist).max() > 0.0:
             return np.inf
-        t = np.arange(0.0, self.horizon + 0.5 * self.step, self.step)
+        t = np.linspace(0.0, horizon + self.step, max(int(np.ceil(horizon / self.step)), 1) + 1)
         discs = np.zeros((len(points), 5))
         discs[:, :2] = points
         z = np.column_stack([moved(HERE, twist, t), t])

@@ -21,6 +21,18 @@ def stopping_time(twist: Floats, limits: DriveLimits) -> float:
     return max(speed / limits.deceleration, abs(float(twist[2])) / limits.turn_acceleration)
 
 
+def brakeable(soon: float, rest: float, reaction: float) -> float:
+    """The largest share s <= 1 of a command that still stops in time: s t_r + s^2 T / 2 = t_c.
+
+    soon : t_c, s at the whole command to the first touch;  rest : T, s from it to rest;  reaction : t_r, s.
+    """
+    if soon >= reaction + 0.5 * rest:
+        return 1.0
+    if soon <= 0.0:
+        return 0.0
+    return min(2.0 * soon / (reaction + float(np.sqrt(reaction * reaction + 2.0 * rest * soon))), 1.0)
+
+
 def braking(pose: Floats, twist: Floats, limits: DriveLimits, reaction: float, knots: int = 9) -> Floats:
     """(n, 4) poses and times of a base that keeps its twist for `reaction` seconds and then brakes to rest.
 

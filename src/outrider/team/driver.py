@@ -12,19 +12,22 @@ from typing import Final, final
 import numpy as np
 
 from outrider.core.angles import wrap
-from outrider.data.driving import LocalOutcome, LocalPlan, LocalPlanner, Situation
+from outrider.data.driving import DriveLimits, LocalOutcome, LocalPlan, LocalPlanner, Situation
 from outrider.data.footprint import Footprint
-from outrider.data.grid import INSCRIBED, LETHAL, UNKNOWN, Costmap, Grid
+from outrider.data.grid import Costmap, Grid
 from outrider.data.routes import GlobalPlanner, Path, PathOutcome
 from outrider.data.scan import Scan
-from outrider.data.surroundings import DistanceField, Surroundings
-from outrider.errors import DataError
 from outrider.mapping.inflation import Inflation
 from outrider.mapping.layers import Cells, LayeredCostmap, Other
+from outrider.planning.replan import Choice, Replanning
+from outrider.planning.traversal import Traversal
 from outrider.team.navigator import Fused
+from outrider.team.sight import Sight
 from outrider.typing import Floats
 
 STILL: Final = np.zeros(3)
+URGENT_S: Final = 0.5  # s between plans where the path is blocked or leads nowhere
+OUT: Final = 1.0  # m that a plan may start beside a robot that stands too near to something
 
 
 class Drive(Enum):
@@ -41,13 +44,15 @@ class Drive(Enum):
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Answer:
-    """twist : (3,) body frame, what to command;  state, with its `reason` in words;  path, plan : what it follows."""
+    """twist : (3,) body frame, what to command;  state, with its `reason` in words;  path, plan : what it follows;
+    note : what is new and worth telling."""
 
     state: Drive
     twist: Floats = field(default_factory=lambda: STILL.copy())
     reason: str = ""
     path: Path | None = None
     plan: LocalPlan | None = None
+    note: str = ""
 
 
 @final
@@ -55,13 +60,14 @@ class Answer:
 class DriverSettings:
     """window : m, side of the square around the robot in which obstacles are seen;  patience_s : how long it waits for
     something to go away before a goal counts as out of reach;  replan_s : s between looks for a better path;
-    better : share by which a new path must be shorter;  stale_s : s without a scan after which it is blind;
-    sigma : m, standard deviation of its position above which it does not know where it is."""
+    better, least : share and metres of free ground that it must save;  stale_s : s without a scan after which the robot
+    is blind;  sigma : m, standard deviation of its position above which it does not know where it is."""
 
     window: float = 12.0
     patience_s: float = 30.0
     replan_s: float = 2.0
-    better: float = 0.1
+    better: float = 0.15
+    least: float = 1.0
     stale_s: float = 1.0
     sigma: float = 1.0
 
@@ -81,19 +87,30 @@ class Driver:
         keep_out: Cells | None = None,
         settings: DriverSettings = DriverSettings(),
         sees: bool = True,
+        traversal: Traversal = Traversal(),
     ) -> None:
-        self._planner, self._local, self._settings, self._sees = planner, local, settings, sees
-        self._map = LayeredCostmap(ground, inflation=inflation, footprint=footprint, keep_out=keep_out)
+        """traversal : the planner's own rules, by which paths are compared."""
+        self.footprint, self.sees = footprint, sees
+        self._planner, self._local, self._settings, self._traversal = planner, local, settings, traversal
+        s = settings
+        costs = LayeredCostmap(ground, inflation=inflation, footprint=footprint, keep_out=keep_out)
+        self._sight = Sight(costs, sees=sees, window=s.window, stale_s=s.stale_s, sigma=s.sigma)
+        self._replanning = Replanning(better=s.better, least=s.least)
         self._goal: Floats | None = None
         self._path: Path | None = None
         self._plan: LocalPlan | None = None
-        self._planned_s = self._seen_s = self._moved_s = -np.inf
-        self.plans = 0
+        self._planned_s = self._moved_s = -np.inf
+        self.plans, self.choices = 0, dict.fromkeys(Choice, 0)
 
     @property
     def costmap(self) -> Costmap:
         """What stands now, and what it costs to drive near it."""
-        return self._map.costmap
+        return self._sight.costmap
+
+    @property
+    def limits(self) -> DriveLimits:
+        """What the base can do."""
+        return self._local.limits
 
     def go(self, goal: Floats | None) -> None:
         """Drive to (3,) east, north [m], heading [rad], NaN for any; None: stay."""
@@ -106,104 +123,72 @@ class Driver:
         """What to command now."""
         pose = np.array([here.p[0], here.p[1], here.heading])
         # what stands around
-        blind = self._look(t_s, here, pose, scans, others)
+        blind = self._sight.look(t_s, here, scans, others)
         if blind:
             return Answer(state=Drive.BLIND, reason=blind)
         if self._goal is None:
             return Answer(state=Drive.IDLE)
         # the path, a new one where there is a reason
-        if self._wants_path(t_s):
-            self._replan(t_s, pose)
-        if self._path is None or not self._path.found:
-            return self._lost(t_s)
+        path = self._route(t_s, pose[:2])
+        if not path.found:
+            return self._lost(t_s, path)
         # the trajectory along it
-        self._plan = self._local.plan(self._situation(t_s, here, pose, others), self._plan)
+        self._plan = self._local.plan(self._situation(t_s, here, pose, path), self._plan)
         return self._told(t_s, self._plan)
 
-    def _look(self, t_s: float, here: Fused, pose: Floats, scans: Sequence[Scan], others: Sequence[Other]) -> str:
-        """Enter what came in; why the robot is blind, or nothing."""
-        if not (
-            np.isfinite(pose).all() and np.isfinite(here.v).all() and np.isfinite(here.w) and np.isfinite(here.P).all()
-        ):
-            return "the estimate is not finite"
-        worst = float(np.sqrt(np.linalg.eigvalsh(here.P[:2, :2])[-1]))
-        if not worst <= self._settings.sigma:
-            return f"the position is known to {worst:.1f} m only"
-        try:
-            self._map.update(scans, pose=pose, others=others)
-        except DataError as e:
-            return str(e)
-        if scans:
-            self._seen_s = t_s
-        if self._seen_s == -np.inf:
-            self._seen_s = t_s  # the first scan is due
-        if self._sees and t_s - self._seen_s > self._settings.stale_s:
-            return f"no scan for {t_s - self._seen_s:.1f} s"
-        return ""
-
-    def _wants_path(self, t_s: float) -> bool:
-        if self._path is None or t_s - self._planned_s >= self._settings.replan_s:
-            return True
-        return self._plan is not None and self._plan.outcome is LocalOutcome.REPLAN and t_s > self._planned_s + 0.5
-
-    def _replan(self, t_s: float, pose: Floats) -> None:
-        """A new path, kept unless the one in use is still good and hardly longer."""
+    def _route(self, t_s: float, p: Floats) -> Path:
+        """The path to follow: planned anew now and then, and soon where it is blocked or leads nowhere."""
         assert self._goal is not None
+        old, ago, stuck = self._path, t_s - self._planned_s, self._stuck()
+        urgent = ago >= URGENT_S and old is not None and (stuck or self._blocked(old, p))
+        if old is not None and ago < self._settings.replan_s and not urgent:
+            return old
         self._planned_s = t_s
         self.plans += 1
-        new = self._planner.plan(self.costmap, pose[:2], self._goal[:2])
-        old = self._path
-        if new.found and old is not None and old.found and self._open(old) and not self._stuck():
-            left = _rest(old.points, pose[:2])
-            if new.length > (1.0 - self._settings.better) * left:
-                return
-        if new.found or old is None or not old.found or not self._open(old):
-            self._path = new
+        new = self._planned(p, self._goal[:2])
+        choice = Choice.FIRST
+        if old is not None:
+            choice = self._replanning.choose(self.costmap, self._traversal, old, new, p)
+        self.choices[choice] += 1
+        self._path = new if old is None or choice is not Choice.KEPT or (stuck and new.found) else old
+        return self._path
+
+    def _blocked(self, path: Path, p: Floats) -> bool:
+        return self._replanning.needs_plan(self.costmap, self._traversal, path, p)
+
+    def _planned(self, p: Floats, goal: Floats) -> Path:
+        """A new path; a robot that stands too near to something starts where it could stand."""
+        new = self._planner.plan(self.costmap, p, goal)
+        aside = new.suggestion
+        if new.outcome is PathOutcome.START_BLOCKED and aside is not None and np.hypot(*(aside - p)) < OUT:
+            return self._planner.plan(self.costmap, aside, goal)
+        return new
 
     def _stuck(self) -> bool:
-        return self._plan is not None and self._plan.outcome is LocalOutcome.REPLAN
+        return self._plan is not None and self._plan.outcome in (LocalOutcome.BACK_OUT, LocalOutcome.REPLAN)
 
-    def _open(self, path: Path) -> bool:
-        """Whether no cell of a path is taken."""
-        m = self.costmap
-        cells = m.cell_of(path.points)
-        inside = (cells >= 0).all(axis=1) & (cells < m.cells.shape).all(axis=1)
-        on = m.cells[tuple(cells[inside].T)]
-        return bool(((on < INSCRIBED) | (on == UNKNOWN)).all())
-
-    def _lost(self, t_s: float) -> Answer:
+    def _lost(self, t_s: float, path: Path) -> Answer:
         """No path: wait for a while in case something goes away."""
-        assert self._path is not None
         self._plan = None
         if self._moved_s == -np.inf:
             self._moved_s = t_s
-        hopeless = self._path.outcome in (PathOutcome.GOAL_OUTSIDE, PathOutcome.START_OUTSIDE)
+        hopeless = path.outcome in (PathOutcome.GOAL_OUTSIDE, PathOutcome.START_OUTSIDE)
         given_up = hopeless or t_s - self._moved_s > self._settings.patience_s
         state = Drive.UNREACHABLE if given_up else Drive.WAITING
-        return Answer(state=state, reason=self._path.outcome.value, path=self._path)
+        return Answer(state=state, reason=path.outcome.value, path=path)
 
-    def _situation(self, t_s: float, here: Fused, pose: Floats, others: Sequence[Other]) -> Situation:
-        assert self._goal is not None and self._path is not None
+    def _situation(self, t_s: float, here: Fused, pose: Floats, path: Path) -> Situation:
+        assert self._goal is not None
         c, s = cos(here.heading), sin(here.heading)
         twist = np.array([c * here.v[0] + s * here.v[1], c * here.v[1] - s * here.v[0], here.w])
         goal = self._goal.copy()
         if np.isnan(goal[2]):
-            ahead = self._path.points[-1] - self._path.points[max(len(self._path.points) - 4, 0)]
+            ahead = path.points[-1] - path.points[max(len(path.points) - 4, 0)]
             goal[2] = float(np.arctan2(ahead[1], ahead[0])) if hypot(*ahead) > 0.0 else here.heading
         return Situation(
             time=t_s, pose=pose, twist=twist, goal=np.array([goal[0], goal[1], wrap(float(goal[2]))]),
-            path=self._path.points, surroundings=Surroundings(field=self._field(pose)),
+            path=path.points, surroundings=self._sight.surroundings(t_s, pose[:2]),
         )  # fmt: skip
-
-    def _field(self, pose: Floats) -> DistanceField:
-        """Distances to what is taken in the window around the robot."""
-        m, half = self.costmap, int(0.5 * self._settings.window / self._map.resolution)
-        row, col = (int(v) for v in m.cell_of(pose[:2]))
-        r0, c0 = max(row - half, 0), max(col - half, 0)
-        cells = m.cells[r0 : row + half + 1, c0 : col + half + 1]
-        taken = np.where((cells == LETHAL) | (cells == UNKNOWN), cells, 0).astype(np.uint8)
-        corner = m.origin + np.array([c0, r0]) * m.resolution
-        return DistanceField.of(Costmap(cells=taken, resolution=m.resolution, origin=corner))
 
     def _told(self, t_s: float, plan: LocalPlan) -> Answer:
         state = Drive.UNDER_WAY
@@ -216,9 +201,3 @@ class Driver:
         if t_s - self._moved_s > self._settings.patience_s:
             state = Drive.UNREACHABLE
         return Answer(state=state, twist=plan.twist, reason=plan.reason, path=self._path, plan=plan)
-
-
-def _rest(points: Floats, p: Floats) -> float:
-    """Length of a path [m] from its vertex nearest to p on."""
-    at = int(np.argmin(np.hypot(points[:, 0] - p[0], points[:, 1] - p[1])))
-    return float(np.hypot(*np.diff(points[at:], axis=0).T).sum())

@@ -1,7 +1,8 @@
-"""What agents on the ground share: the estimate, what the lidar sees from it, and where the others say they are."""
+"""What agents on the ground share: the estimate, what the lidar sees from it, where the others say they are, and the
+safety stage between what a driver wants and what the motors are told."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import cos, sin
 from typing import Final, final
 
@@ -12,6 +13,9 @@ from outrider.data.agents import Message
 from outrider.data.footprint import Footprint
 from outrider.data.scan import Scan
 from outrider.mapping.layers import Other
+from outrider.safety.monitor import Monitor
+from outrider.safety.stage import Held, Inputs, Reason, SafetyStage
+from outrider.safety.stage import Scan as RawScan
 from outrider.team.driver import Answer, Driver
 from outrider.team.navigator import Fused, Navigator
 from outrider.team.reaction import Reaction
@@ -27,8 +31,8 @@ class Ground:
     """A robot that drives on its own estimate.
 
     lidar : (3,) pose of the lidar in the body: forward, left [m], turned by [rad];  blind : m, what it sees of its own
-    robot;  others : the footprint that other robots are taken to have;
-    reaction : how late the base does what it is told.
+    robot;  others : the footprint that other robots are taken to have;  reaction : how late the base does what it is
+    told;  safety : what every command passes, by default the limits of the driver's base, its footprint, and no zones.
     """
 
     navigator: Navigator
@@ -37,10 +41,31 @@ class Ground:
     blind: float = 0.05
     others: Footprint | None = None
     reaction: Reaction = field(default_factory=lambda: Reaction(seconds=0.0))
+    safety: SafetyStage | None = None
+    _held: Held | None = None
+    _scan: RawScan | None = None
     _heard: dict[str, Status] = field(default_factory=dict[str, Status])
 
+    def __post_init__(self) -> None:
+        if self.safety is None:
+            monitor = Monitor(footprint=self.driver.footprint) if self.driver.sees else None
+            self.safety = SafetyStage(limits=self.driver.limits, monitor=monitor)
+
+    @property
+    def interventions(self) -> dict[Reason, tuple[int, int]]:
+        """Why commands were changed: how many times that began, and how many cycles it lasted altogether."""
+        if self._held is None:
+            return {}
+        held = self._held
+        return {r: (held.times(r), held.count(r)) for r in Reason if r is not Reason.NONE and held.count(r)}
+
     def drive(self, t: int, records: Sequence[Stream], inbox: Sequence[Message]) -> tuple[Fused, Answer]:
-        """Fuse what came in, and take the next step to the goal of the driver."""
+        """Fuse what came in, and take the next step to the goal of the driver: `aim`, then `give`."""
+        here, answer = self.aim(t, records, inbox)
+        return here, self.give(t, here, answer)
+
+    def aim(self, t: int, records: Sequence[Stream], inbox: Sequence[Message]) -> tuple[Fused, Answer]:
+        """Fuse what came in, and what the driver would do."""
         self.navigator.take([s for s in records if s.kind is not Kind.SCAN])
         here = self.navigator.now(t)
         for m in inbox:
@@ -48,8 +73,26 @@ class Ground:
                 self._heard[m.sender] = Status.of(m)
         scans = [scan for s in records if s.kind is Kind.SCAN for scan in self._scans(s, here)]
         answer = self.driver.step(t * 1e-9, self.reaction.ahead(here), scans, self._neighbours(t))
-        self.reaction.told(t * 1e-9, answer.twist)
-        return here, answer
+        first = self.driver.sees and self._scan is None  # it waits for its first scan
+        return here, answer.at_rest if first else answer
+
+    def give(self, t: int, here: Fused, answer: Answer) -> Answer:
+        """The answer with the twist that the safety stage gives, and with its reason where it stops the robot."""
+        assert self.safety is not None
+        now = t * 1e-9
+        x = Inputs(
+            time=now, command=answer.twist, command_time=now, pose=np.array([here.p[0], here.p[1], here.heading]),
+            pose_time=min(self.navigator.newest * 1e-9, now), scan=self._scan,
+        )  # fmt: skip
+        before = self._held or self.safety.start(now)
+        self._held, given = self.safety.step(before, x)
+        self.reaction.told(now, given.twist)
+        if not self._held.reason.stops:
+            return replace(answer, twist=given.twist)
+        new = self._held.reason is not before.reason
+        why = f"safety: {given.reason.value}"
+        reason = f"{why}; {answer.reason}" if answer.reason else why
+        return replace(answer, twist=given.twist, reason=reason, note=why if new else answer.note)
 
     def _scans(self, s: Stream, here: Fused) -> list[Scan]:
         """Each turn of the lidar from where the robot was then."""
@@ -61,11 +104,16 @@ class Ground:
             p = here.p[:2] - here.v[:2] * ago
             c, k = cos(heading), sin(heading)
             pose = np.array([p[0] + c * x - k * y, p[1] + k * x + c * y, heading + turned])
+            first, step, reach = (float(s.extra[name][row]) for name in ("angle_min", "angle_step", "range_max"))
+            raw = np.where(s.z[row] >= self.blind, s.z[row], np.nan)
+            mount = (x, y, turned)
+            self._scan = RawScan(
+                time=int(s.t[row]) * 1e-9, ranges=raw, angle_min=first, angle_step=step, reach=reach, mount=mount
+            )
             if not np.isfinite(pose).all():
                 continue
-            first, step, reach = (float(s.extra[name][row]) for name in ("angle_min", "angle_step", "range_max"))
             bearings = first + step * np.arange(s.z.shape[1])
-            out.append(Scan(pose=pose, bearings=bearings, ranges=s.z[row], reach=reach, blind=self.blind))
+            out.append(Scan(pose=pose, bearings=bearings, ranges=s.z[row], reach=reach, blind=self.blind, age=ago))
         return out
 
     def _neighbours(self, t: int) -> list[Other]:

@@ -57,6 +57,11 @@ class Navigator:
                     flag = int(made.flag[i])
                     self._online.process(seconds[i], code, made.z[i], made.r[i], flag=flag, order=self._order[code])
 
+    @property
+    def newest(self) -> int:
+        """When the newest record that was fused was made [ns]."""
+        return self._start + round(self._online.time * 1e9)
+
     def now(self, t: int) -> Fused:
         """The estimate at t [ns], carried on at its own velocity and yaw rate since the newest record."""
         belief = self._online.belief

@@ -1,0 +1,66 @@
+"""What a driver knows of the ground around its robot: a costmap of what stands, and what moves."""
+
+from collections.abc import Sequence
+from typing import final
+
+import numpy as np
+
+from outrider.data.grid import LETHAL, UNKNOWN, Costmap
+from outrider.data.scan import Scan
+from outrider.data.surroundings import DistanceField, Surroundings
+from outrider.errors import DataError
+from outrider.mapping.layers import LayeredCostmap, Other
+from outrider.mapping.tracks import Tracker, Tracking
+from outrider.team.navigator import Fused
+from outrider.typing import Floats
+
+
+@final
+class Sight:
+    """`look` every period; then ask what surrounds the robot.
+
+    window : m, side of the square around the robot in which obstacles are seen;  stale_s : s without a scan after which
+    it is blind;  sigma : m, standard deviation of its position above which it does not know where it is.
+    """
+
+    def __init__(
+        self, costmap: LayeredCostmap, *, sees: bool = True, window: float = 12.0, stale_s: float = 1.0,
+        sigma: float = 1.0, tracking: Tracking = Tracking(),
+    ) -> None:  # fmt: skip
+        self._map, self._tracker, self._sees = costmap, Tracker(tracking), sees
+        self._window, self._stale_s, self._sigma = window, stale_s, sigma
+        self._seen_s = -np.inf
+
+    @property
+    def costmap(self) -> Costmap:
+        """What stands now, and what it costs to drive near it."""
+        return self._map.costmap
+
+    def look(self, t_s: float, here: Fused, scans: Sequence[Scan], others: Sequence[Other]) -> str:
+        """Enter what came in; why the robot is blind, or nothing."""
+        pose = np.array([here.p[0], here.p[1], here.heading])
+        if not all(np.isfinite(x).all() for x in (pose, here.v, here.w, here.P)):
+            return "the estimate is not finite"
+        worst = float(np.sqrt(np.linalg.eigvalsh(here.P[:2, :2])[-1]))
+        if not worst <= self._sigma:
+            return f"the position is known to {worst:.1f} m only"
+        try:
+            standing = [self._tracker.look(t_s - scan.age, scan, self._map.seen_free) for scan in scans]
+            self._map.update(standing, pose=pose, others=others)
+        except DataError as e:
+            return str(e)
+        if scans or self._seen_s == -np.inf:  # the first scan is due
+            self._seen_s = t_s
+        late = t_s - self._seen_s
+        return f"no scan for {late:.1f} s" if self._sees and late > self._stale_s else ""
+
+    def surroundings(self, t_s: float, p: Floats) -> Surroundings:
+        """What moves, and distances to what is taken in the window around p (2,)."""
+        m, half = self.costmap, int(0.5 * self._window / self._map.resolution)
+        row, col = (int(v) for v in m.cell_of(p))
+        r0, c0 = max(row - half, 0), max(col - half, 0)
+        cells = m.cells[r0 : row + half + 1, c0 : col + half + 1]
+        taken = np.where((cells == LETHAL) | (cells == UNKNOWN), cells, 0).astype(np.uint8)
+        corner = m.origin + np.array([c0, r0]) * m.resolution
+        field = DistanceField.of(Costmap(cells=taken, resolution=m.resolution, origin=corner))
+        return Surroundings(discs=self._tracker.discs(t_s), field=field)
