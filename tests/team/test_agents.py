@@ -119,8 +119,11 @@ class Body:
     def go(self, goal: Floats) -> None:
         self.goals.append(goal)
 
-    def drive(self, t: int, records: Sequence[Stream], inbox: Sequence[Message]) -> tuple[Fused, Answer]:
+    def aim(self, t: int, records: Sequence[Stream], inbox: Sequence[Message]) -> tuple[Fused, Answer]:
         return replace(self.here, t=t), self.says
+
+    def give(self, t: int, here: Fused, answer: Answer) -> Answer:
+        return answer
 
 
 STOPS = np.array([[1.0, 0.0, np.nan], [2.0, 0.0, np.nan]])

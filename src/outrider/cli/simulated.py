@@ -48,6 +48,9 @@ def run(summary: Mapping[str, Any], folder: Path, *, quiet: bool = False) -> Non
     for name, r in summary["robots"].items():
         for goal in r["goals"]:
             out.print(_goal(name, goal))
+        for held in r["safety"]:
+            what = f"{name}: {held['text']}: {held['times']} times, {held['total_s']:.1f} s"
+            out.print(Text(what, "dim"))
     for s in summary["separations"]:
         pair = " and ".join(s["robots"])
         out.print(Text(f"{pair} came within {_number(s['distance_m'])} m of each other, after {s['t_s']:.1f} s"))

@@ -43,6 +43,7 @@ def write_simulation_report(run: Simulation, summary: Json, path: Path, *, scena
             colours=colours(run),
             cards=_cards(summary),
             goals=[(name, k + 1, g) for name, r in summary["robots"].items() for k, g in enumerate(r["goals"])],
+            held=[(name, h) for name, r in summary["robots"].items() for h in r["safety"]],
             scenario=scenario,
             command=command or f"outrider run {_word(summary['scenario'])} --seed {summary['seed']}",
             palette=[(css_name(light), light, dark) for light, dark in DARK.items()],

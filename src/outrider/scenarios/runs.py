@@ -26,6 +26,7 @@ from outrider.sim.monitor import Closest
 from outrider.sim.radio import Lost
 from outrider.sim.truth import Truth
 from outrider.team.errand import Errand, Outcome, Visit
+from outrider.team.patrol import Patrol
 
 SCHEMA: Final = "outrider.simulation/1"
 SUMMARY, RECORDING, SCENARIO, REPORT = "summary.json", "run.mcap", "scenario.yaml", "report.html"
@@ -179,6 +180,7 @@ def _robot(done: Done, name: str) -> dict[str, Any]:
         "clearance": _closest(run, run.monitor.clearances.get(name)),
         "fence": _closest(run, run.monitor.fences.get(name)),
         "goals": [_goal(run, truth, o) for n, errand in done.errands if n == name for o in errand.outcomes],
+        "safety": _safety(member.agent),
         "estimate": _estimate(done, f"{name}/estimate" if several else "estimate", name),
         "sensors": {
             s.name.removeprefix(f"{name}/"): {"kind": s.kind.value, "records": len(s), "rate_hz": s.rate}
@@ -204,6 +206,17 @@ def _goal(run: Simulation, truth: Truth, o: Outcome) -> dict[str, Any]:
         "of_estimate_m": float(np.hypot(*(here - o.estimate[:2]))),
         "of_control_m": o.error,
     }
+
+
+def _safety(agent: object) -> list[dict[str, Any]]:
+    """Why commands were changed on their way to the motors: how many times, and for how long altogether."""
+    if not isinstance(agent, Errand | Patrol):
+        return []
+    told = agent.body.interventions.items()
+    return [
+        {"reason": r.name.lower(), "text": r.value, "times": times, "total_s": cycles * agent.period_s}
+        for r, (times, cycles) in told
+    ]
 
 
 def _kind(vehicle: Vehicle | None) -> str:

@@ -4,7 +4,7 @@ It sees the robot's own estimate, its lidar and what other robots say of themsel
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from math import cos, hypot, sin
 from typing import Final, final
@@ -53,6 +53,11 @@ class Answer:
     path: Path | None = None
     plan: LocalPlan | None = None
     note: str = ""
+
+    @property
+    def at_rest(self) -> "Answer":
+        """The same, but standing."""
+        return replace(self, twist=STILL.copy())
 
 
 @final

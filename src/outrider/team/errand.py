@@ -68,13 +68,13 @@ class Errand:
         done = self._next >= len(self.goals)
         self.body.driver.go(None if done else self.goals[self._next])
         here, answer = self.body.drive(t, records, inbox)
-        note = "" if done else self._judged(t, here, answer)
+        notes = ["" if done else self._judged(t, here, answer), answer.note]
         own = self.body.navigator
         return Action(
             command=answer.twist,
             records=(own.record(here), own.command(here, answer.twist)),
             done=self._next >= len(self.goals),
-            note=note,
+            note="; ".join(n for n in notes if n),
         )
 
     def _judged(self, t: int, here: Fused, answer: Answer) -> str:

@@ -48,7 +48,8 @@ class Ground:
 
     def __post_init__(self) -> None:
         if self.safety is None:
-            monitor = Monitor(footprint=self.driver.footprint) if self.driver.sees else None
+            late = max(0.2, self.reaction.seconds + 0.1)
+            monitor = Monitor(footprint=self.driver.footprint, reaction=late) if self.driver.sees else None
             self.safety = SafetyStage(limits=self.driver.limits, monitor=monitor)
 
     @property

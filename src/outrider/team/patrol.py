@@ -73,14 +73,14 @@ class Patrol:
         before = self.mission
         note = self._decide(t, order, cancelled)
         self.body.driver.go(self._goal())
-        here, self._answer = self.body.drive(t, records, inbox)
-        waits = self._passage(t, here)
-        stands = waits or self.mission.duty is Duty.EMPTY
-        twist = np.zeros(3) if stands else self._answer.twist
+        here, self._answer = self.body.aim(t, records, inbox)
+        stands = self._passage(t, here) or self.mission.duty is Duty.EMPTY
+        self._answer = self.body.give(t, here, self._answer.at_rest if stands else self._answer)
+        note = "; ".join(x for x in (note, self._answer.note) if x)
         self._drain(here)
         changed = self.mission.duty is not before.duty
         return Action(
-            command=twist, messages=self._words(t, here, changed=changed), note=note,
+            command=self._answer.twist, messages=self._words(t, here, changed=changed), note=note,
             records=(self.body.navigator.record(here),),
         )  # fmt: skip
 
