@@ -14,6 +14,7 @@ from outrider.io.checked import fault_at, remedy
 from outrider.models.vehicles import AIR_INPUTS, Differential, Mecanum, Pad, Rotorcraft, Vehicle
 from outrider.scenarios.driving import GotoMission, goal_poses, ground_robot
 from outrider.scenarios.navigation import Put, mount_matrix, navigator
+from outrider.scenarios.patrolling import Member, Setting, patrol, setting_of, station
 from outrider.scenarios.parts import (
     FAULTS,
     PLACES,
@@ -25,7 +26,7 @@ from outrider.scenarios.parts import (
     WorldSection,
 )
 from outrider.scenarios.sections import made_of
-from outrider.scenarios.tracks import track
+from outrider.scenarios.tracks import standing, track
 from outrider.sim.engine import Simulation, simulate
 from outrider.sim.monitor import Hull
 from outrider.sim.radio import Radio
@@ -69,7 +70,9 @@ def build(scenario: Scenario, where: str = "") -> Cast:
     with at(where, "radio"):
         radio = made_of(Radio, scenario.radio)
     put = {name: _put(name, scenario, where) for name in scenario.team}
-    team = tuple(_robot(n, s, world, put[n], scenario.duration_s, where) for n, s in scenario.team.items())
+    with at(where, "team"):
+        shared = setting_of(world, scenario.world.place, scenario.team)
+    team = tuple(_robot(n, s, shared, put[n], scenario.duration_s, where) for n, s in scenario.team.items())
     return Cast(world=world, team=team, radio=radio, duration_s=scenario.duration_s, seed=scenario.seed, where=where)
 
 
@@ -130,8 +133,8 @@ def _vehicle(section: RobotSection, world: World) -> Vehicle | None:
     )
 
 
-def _robot(name: str, section: RobotSection, world: World, put: Put, duration_s: float, where: str) -> Robot:
-    key = ("team", name)
+def _robot(name: str, section: RobotSection, shared: Setting, put: Put, duration_s: float, where: str) -> Robot:
+    key, world = ("team", name), shared.world
     with at(where, *key, "vehicle"):
         vehicle = _vehicle(section, world)
     carried = _sensors(section, where, key)
@@ -144,10 +147,15 @@ def _robot(name: str, section: RobotSection, world: World, put: Put, duration_s:
             path = track(mission, put, duration_s, world, name)
             if vehicle is not None:
                 raise ConfigError("a track carries its robot", fix="leave out the vehicle, or give it a tour")
+        elif mission.type == "station":
+            path, agent = standing(put, duration_s, world, name), station(name, mission, shared)
+            if vehicle is not None:
+                raise ConfigError("a station stands", fix="leave out the vehicle")
         elif vehicle is None:
             raise ConfigError(f"a mission '{mission.type}' needs a vehicle", fix=f"there are: {', '.join(VEHICLES)}")
         else:
-            agent = _agent(name, mission, vehicle, carried, put, world, hull)
+            member = Member(name=name, vehicle=vehicle, carried=carried, put=put, hull=hull)
+            agent = _agent(member, mission, shared)
     return Robot(
         name=name, vehicle=vehicle, agent=agent, track=path, sensors=carried, start=put,
         mounts={getattr(s, "frame", s.name): mount_matrix(s) for s in _bare(carried) if hasattr(s, "lever")},
@@ -156,35 +164,28 @@ def _robot(name: str, section: RobotSection, world: World, put: Put, duration_s:
     )  # fmt: skip
 
 
-def _agent(
-    name: str, mission: Any, vehicle: Vehicle, carried: tuple[Any, ...], put: Put, world: World, hull: Hull | None
-) -> Agent | Planned:
+def _agent(member: Member, mission: Any, shared: Setting) -> Agent | Planned:
+    if mission.type == "patrol":
+        return patrol(mission, member, shared)
     if mission.type == "goto":
-        return _errand(name, mission, vehicle, carried, put, world, hull)
+        return _errand(member, mission, shared.world)
     if mission.type == "tour":
-        return _tour(name, mission, vehicle, carried, put, world)
-    width = len(vehicle.inputs)
+        return _tour(member.name, mission, member.vehicle, member.carried, member.put, shared.world)
+    inputs = member.vehicle.inputs
     if mission.type == "still":
-        return Schedule(t_s=np.zeros(1), u=np.zeros((1, width)))
+        return Schedule(t_s=np.zeros(1), u=np.zeros((1, len(inputs))))
     plan = made_of(Schedule, mission)
-    if plan.u.shape[1] != width:
-        raise ConfigError(f"{plan.u.shape[1]} numbers in a row of u", fix=f"give {', '.join(vehicle.inputs)}")
+    if plan.u.shape[1] != len(inputs):
+        raise ConfigError(f"{plan.u.shape[1]} numbers in a row of u", fix=f"give {', '.join(inputs)}")
     return plan
 
 
-def _errand(
-    name: str,
-    mission: GotoMission,
-    vehicle: Vehicle,
-    carried: tuple[Any, ...],
-    put: Put,
-    world: World,
-    hull: Hull | None,
-) -> Errand:
+def _errand(member: Member, mission: GotoMission, world: World) -> Errand:
     goals, period = goal_poses(mission.goals), mission.period_s
     body = ground_robot(
-        mission.drive, vehicle, carried, put, world, robot=name, period_s=period, goals=goals, hull=hull
-    )
+        mission.drive, member.vehicle, member.carried, member.put, world, robot=member.name, period_s=period,
+        goals=goals, hull=member.hull,
+    )  # fmt: skip
     return Errand(body=body, goals=goals, hold_s=mission.hold_s, period_s=period)
 
 

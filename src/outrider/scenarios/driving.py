@@ -12,6 +12,7 @@ from outrider.data.footprint import Footprint
 from outrider.data.grid import Grid
 from outrider.errors import ConfigError
 from outrider.mapping.inflation import Inflation
+from outrider.mapping.layers import Cells
 from outrider.models.vehicles import Differential, Mecanum, Steered, Vehicle
 from outrider.planning.astar import AStar
 from outrider.planning.local.pursuit import Pursuit, PursuitSettings
@@ -98,11 +99,13 @@ def ground_robot(
     goals: Floats,
     hull: Hull | None = None,
     others: Footprint | None = None,
+    keep_out: Cells | None = None,
 ) -> Ground:
     """A robot that drives on its estimate: navigator, driver and lidar, from what it is and what it carries.
 
     goals : (n, 2+) m, what it is to visit: a world without a map of its own is taken as free around them;
-    hull : what must not touch anything, of the vehicle unless given;  others : the footprint that other robots have.
+    hull : what must not touch anything, of the vehicle unless given;  others : the footprint that other robots have;
+    keep_out : cells of the map where it may not go.
     Raises ConfigError for a vehicle that cannot drive on the ground, and for sensors that do not tell where it is.
     """
     body = _footprint(section, vehicle if hull is None else hull)
@@ -116,6 +119,7 @@ def ground_robot(
         inflation=Inflation(
             inscribed=body.inscribed, radius=body.inscribed + section.inflation, factor=section.falling
         ),
+        keep_out=keep_out,
         settings=made_of(DriverSettings, section.driver),
         sees=lidar is not None,
     )

@@ -26,7 +26,7 @@ def load_scenario(name: str, given: Mapping[str, object] | None = None) -> tuple
     given = dict(given or {})
     path = Path(name)
     if path.suffix.lower() in ENDINGS:
-        return parse_scenario(_overridden(read_yaml(path), given), name), name
+        return parse_scenario(_beside(_overridden(read_yaml(path), given), path.parent), name), name
     found = find_scenario(name)
     own = {key: given.pop(key) for key in list(given) if key in found.knobs}
     about = {"name": found.name, "about": found.about}
@@ -70,6 +70,18 @@ def settings_of(texts: tuple[str, ...]) -> dict[str, object]:
             raise ConfigError("cannot be understood", where=f"--set {text}", fix="write a.b=value")
         out[key] = parse_yaml(value, f"--set {text}")
     return out
+
+
+def _beside(data: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """Files that a scenario names are beside it; written out they can be found from anywhere."""
+    world, team = data.get("world"), data.get("team")
+    robots = cast("dict[str, Any]", team).values() if isinstance(team, dict) else ()
+    sections = [world.get("place") if isinstance(world, dict) else None]
+    sections += [r.get("mission") for r in robots if isinstance(r, dict)]
+    for section in sections:
+        if isinstance(section, dict) and isinstance(section.get("file"), str) and section["file"]:
+            section["file"] = str((folder / section["file"]).resolve())
+    return data
 
 
 def _configured(found: Registered, own: Mapping[str, object]) -> object:

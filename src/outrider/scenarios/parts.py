@@ -9,6 +9,7 @@ from pydantic import Field, create_model
 from outrider.io.checked import Flag, Whole
 from outrider.models.vehicles import Differential, Mecanum, Multirotor, Pad, Rotorcraft, Steered, Vehicle
 from outrider.scenarios.driving import GotoMission
+from outrider.scenarios.patrolling import PatrolMission, StationMission, site
 from outrider.scenarios.sections import STRICT, Number, Part, Table, bounded, inner_section, section_of, tagged
 from outrider.sim import places, sensors
 from outrider.sim.monitor import Hull
@@ -26,6 +27,7 @@ PLACES: Final[Mapping[str, Callable[..., World]]] = {
         places.amr_bend,
         places.amr_loop,
         places.city_block,
+        site,
     )
 }
 VEHICLES: Final[Mapping[str, type[Vehicle]]] = {
@@ -158,7 +160,10 @@ class TrackMission(Part):
 
 
 Mission: TypeAlias = _one_of(  # type: ignore[valid-type]
-    [StillMission, TourMission, TrackMission, GotoMission, section_of(Schedule, tag="schedule")]
+    [
+        StillMission, TourMission, TrackMission, GotoMission, PatrolMission, StationMission,
+        section_of(Schedule, tag="schedule"),
+    ]  # fmt: skip
 )
 
 

@@ -11,6 +11,7 @@ from outrider.sim.world import World
 from outrider.typing import Floats
 
 STANDING = 6  # control points that a quintic spline needs to stand exactly
+STANDING_HZ = 20.0
 
 
 def track(mission: TrackMission, put: Put, duration_s: float, world: World, robot: str) -> Truth:
@@ -39,3 +40,9 @@ def _control(corners: Floats, legs: Floats, mission: TrackMission, yaw: float) -
     before = np.tile([*corners[0], yaw], (still, 1))
     after = np.tile([*corners[-1], heading[-1]], (STANDING, 1))
     return np.vstack([before, np.column_stack([p, heading]), after])
+
+
+def standing(put: Put, duration_s: float, world: World, robot: str) -> Truth:
+    """Stays where it was put."""
+    place = Place(gravity=world.gravity, datum=world.datum, t0=EPOCH, robot=robot)
+    return glide(np.tile(put, (STANDING + 2, 1)), 1.0, duration_s, STANDING_HZ, place=place)
