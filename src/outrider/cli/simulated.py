@@ -9,6 +9,8 @@ from rich.text import Text
 
 from outrider.cli.render import NONE, _number, _print_table, _table, console
 
+VAIN = ("timed_out", "unreachable")  # states of alerts
+
 
 def listing(scenarios: Sequence[Mapping[str, Any]]) -> None:
     """Scenarios with what they can be told."""
@@ -24,7 +26,9 @@ def run(summary: Mapping[str, Any], folder: Path, *, quiet: bool = False) -> Non
     """Outcome, robots, closest approaches, messages."""
     out = console()
     goals = [goal["outcome"] == "arrived" for r in summary["robots"].values() for goal in r["goals"]]
-    good = summary["outcome"]["code"] in ("goal", "time") and all(goals)
+    mission = summary["mission"]
+    vain = [a for a in mission["alerts"] if a["state"] in VAIN] if mission else []
+    good = summary["outcome"]["code"] in ("goal", "time") and all(goals) and not vain
     text = str(summary["outcome"]["text"])
     out.print(Text(text, "bold green" if good else "bold red"))
     if quiet:
@@ -54,6 +58,8 @@ def run(summary: Mapping[str, Any], folder: Path, *, quiet: bool = False) -> Non
     for s in summary["separations"]:
         pair = " and ".join(s["robots"])
         out.print(Text(f"{pair} came within {_number(s['distance_m'])} m of each other, after {s['t_s']:.1f} s"))
+    if mission:
+        _mission(mission)
     sent = summary["messages"]["sent"]
     if sent:
         lost = ", ".join(f"{n} {reason}" for reason, n in summary["messages"]["lost"].items())
@@ -61,6 +67,35 @@ def run(summary: Mapping[str, Any], folder: Path, *, quiet: bool = False) -> Non
     report = folder / "report.html"
     out.print(Text(f"report: {report}" if report.exists() else f"written to {folder}"))
     out.print(Text(f"try: {_invitation(summary, folder)}"))
+
+
+def _mission(mission: Mapping[str, Any]) -> None:
+    """What became of every alert, and what the robots are about."""
+    out = console()
+    table = _table(">alert", "at", "from", ">raised", "robot", ">sent", ">there", ">response", ">way", ">driven", "end")
+    for a in mission["alerts"]:
+        table.add_row(
+            str(a["alert"]), f"({a['east_m']:.1f}, {a['north_m']:.1f})", escape(a["source"] or NONE),
+            _seconds(a["raised_s"]), escape(a["robot"] or NONE), _seconds(a["sent_s"]), _seconds(a["there_s"]),
+            _seconds(a["response_s"]), _metres(a["way_m"]), _metres(a["driven_m"]),
+            Text(a["text"], "" if a["state"] == "observed" else "yellow" if a["state"] not in VAIN else "red"),
+        )  # fmt: skip
+    if mission["alerts"]:
+        _print_table(out, table)
+    for name, r in mission["robots"].items():
+        out.print(Text(f"{name}: {r['duty']['text']}, battery at {100.0 * r['battery']:.0f} %"))
+    if mission["bad_lines"]:
+        lines = "line" if mission["bad_lines"] == 1 else "lines"
+        told = f"{mission['bad_lines']} {lines} of alerts could not be used: see the notes of the report"
+        out.print(Text(told, "yellow"))
+
+
+def _seconds(value: float | None) -> str:
+    return NONE if value is None else f"{value:.1f} s"
+
+
+def _metres(value: float | None) -> str:
+    return NONE if value is None else f"{value:.1f} m"
 
 
 def _goal(name: str, goal: Mapping[str, Any]) -> Text:

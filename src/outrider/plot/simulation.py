@@ -27,7 +27,7 @@ def write_simulation_report(run: Simulation, summary: Json, path: Path, *, scena
     """Write the page. summary : schema `outrider.simulation/1`;  scenario : its resolved text;  command : what to type
     to get the run again."""
     goals = {name: [(g["east_m"], g["north_m"]) for g in r["goals"]] for name, r in summary["robots"].items()}
-    picture, data = stage(run, goals)
+    picture, data = stage(run, goals, summary["mission"])
     figure = simulation_figure(run)
     html = (
         page_environment()
@@ -78,6 +78,8 @@ def _tone(summary: Json) -> str:
     if summary["outcome"]["code"] not in ("goal", "time"):
         return "error"
     missed = [g for r in summary["robots"].values() for g in r["goals"] if g["outcome"] != "arrived"]
+    alerts = summary["mission"]["alerts"] if summary["mission"] else []
+    missed += [a for a in alerts if a["state"] in ("timed_out", "unreachable")]
     return "warning" if missed else "good"
 
 

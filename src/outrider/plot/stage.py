@@ -47,10 +47,12 @@ def colours(run: Simulation) -> dict[str, str]:
     return {name: f"var({css_name(COLOURS[k % len(COLOURS)])})" for k, name in enumerate(run.truth)}
 
 
-def stage(run: Simulation, goals: Goals | None = None) -> tuple[Markup, dict[str, Any]]:
+def stage(
+    run: Simulation, goals: Goals | None = None, mission: Mapping[str, Any] | None = None
+) -> tuple[Markup, dict[str, Any]]:
     """The picture, and the data that its script moves it with (x east and y south of the picture's corner [m]).
 
-    goals : east, north [m] of where each robot was sent
+    goals : east, north [m] of where each robot was sent;  mission : of a patrol, as in the summary
     """
     sent = {name: np.array(places).reshape(-1, 2) for name, places in (goals or {}).items()}
     window = _window(run, sent)
@@ -66,6 +68,7 @@ def stage(run: Simulation, goals: Goals | None = None) -> tuple[Markup, dict[str
         f'style="--u:{unit:.3f}px">',
         f'<path class="world" d="{outline(run.monitor.world, window)}"/>',
         _fence(run.monitor.world, window),
+        _mission(mission, window, unit, hues) if mission else "",
         _scale_bar(window, unit),
         *(_track(robot) for robot in robots),
         *(_goals(places, window, unit, hues[name]) for name, places in sent.items()),
@@ -151,6 +154,24 @@ def _path(p: Floats) -> str:
 def _track(robot: Mapping[str, Any]) -> str:
     way = _path(np.column_stack([robot["x"], robot["y"]]))
     return f'<path class="track" style="stroke:{robot["colour"]}" d="{way}"/>'
+
+
+def _mission(mission: Mapping[str, Any], window: Window, unit: float, hues: Mapping[str, str]) -> str:
+    """Passages, rounds, and alerts: a cross, within two deviations of where it was said to be."""
+    corner, flip = np.array([window.west, window.north]), np.array([1.0, -1.0])
+    out = [f'<path class="passage" d="{_path((np.array(p) - corner) * flip)}Z"/>' for p in mission["passages"]]
+    for name, r in mission["robots"].items():
+        way = _path((np.array(r["stops"]) - corner) * flip)
+        out.append(f'<path class="round" style="stroke:{hues[name]}" d="{way}Z"/>')
+    for a in mission["alerts"]:
+        x, y = ((np.array([a["east_m"], a["north_m"]]) - corner) * flip).tolist()
+        d, told = 0.8 * unit, escape(f"alert {a['alert']}: {a['text']}")
+        cross = f"M{x - d:.2f} {y - d:.2f}l{2 * d:.2f} {2 * d:.2f}M{x - d:.2f} {y + d:.2f}l{2 * d:.2f} {-2 * d:.2f}"
+        disc = f'<circle cx="{x:.2f}" cy="{y:.2f}" r="{2.0 * a["sigma_m"]:.2f}"/><path d="{cross}"/>'
+        number = f'<text x="{x + 1.2 * d:.2f}" y="{y - 1.2 * d:.2f}">{a["alert"]}</text>'
+        done = " done" if a["state"] == "observed" else ""
+        out.append(f'<g class="alert{done}">{disc}<title>{told}</title>{number}</g>')
+    return "".join(out)
 
 
 def _goals(places: Floats, window: Window, unit: float, colour: str) -> str:

@@ -18,6 +18,7 @@ from outrider.io import folders
 from outrider.io.record import write_recording
 from outrider.io.tum import write_tum
 from outrider.models.vehicles import Vehicle
+from outrider.scenarios.booked import mission, served
 from outrider.scenarios.build import Cast, build
 from outrider.scenarios.files import scenario_text
 from outrider.scenarios.parts import Scenario
@@ -50,8 +51,9 @@ class Done:
 
     @property
     def exit_code(self) -> ExitCode:
-        """Whether it ended as planned, every goal reached."""
+        """Whether it ended as planned, every goal reached, no alert in vain."""
         good = self.run.ending in GOOD and all(o.visit is Visit.ARRIVED for _, e in self.errands for o in e.outcomes)
+        good &= served(self.cast)
         return ExitCode.OK if good else ExitCode.FAILED_CHECK
 
     @property
@@ -146,6 +148,7 @@ def summarise(done: Done) -> dict[str, Any]:
         "separations": [
             {"robots": list(pair), **(_closest(run, c) or {})} for pair, c in sorted(run.monitor.separations.items())
         ],
+        "mission": mission(done.cast, run),
         "messages": {
             "sent": run.air.sent,
             "lost": {reason.name.lower(): run.air.lost[reason] for reason in Lost if run.air.lost[reason]},

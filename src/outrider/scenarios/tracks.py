@@ -1,5 +1,7 @@
 """Smooth motion through points, for a robot that is carried."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from outrider.errors import ConfigError
@@ -45,4 +47,5 @@ def _control(corners: Floats, legs: Floats, mission: TrackMission, yaw: float) -
 def standing(put: Put, duration_s: float, world: World, robot: str) -> Truth:
     """Stays where it was put."""
     place = Place(gravity=world.gravity, datum=world.datum, t0=EPOCH, robot=robot)
-    return glide(np.tile(put, (STANDING + 2, 1)), 1.0, duration_s, STANDING_HZ, place=place)
+    truth = glide(np.tile(put, (STANDING + 2, 1)), 1.0, duration_s, STANDING_HZ, place=place)
+    return replace(truth, p=np.tile(put[:3], (len(truth), 1)), v=np.zeros_like(truth.v))

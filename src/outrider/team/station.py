@@ -39,14 +39,15 @@ class Feed(Protocol):
 @final
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """An alert in the book. tried : robots that cannot get there;  cost, way : of the way of the robot that was sent,
-    in metres of free ground and in metres;  log : (t ns, state, robot)."""
+    """An alert in the book. tried : robots that cannot get there;  view, cost, way : (3,) where the last robot was sent
+    to, and its way there, in metres of free ground and in metres;  log : (t ns, state, robot)."""
 
     alert: Alert
     state: AlertState = AlertState.WAITING
     robot: str = ""
     order: Order | None = None
     tried: frozenset[str] = frozenset()
+    view: Floats | None = None
     cost: float = np.inf
     way: float = np.inf
     log: tuple[tuple[int, AlertState, str], ...] = ()
@@ -228,7 +229,7 @@ class Station:
         until = e.alert.t * 1e-9 + e.alert.patience_s
         order = Order(number=number, alert=e.alert.number, view=view, hold_s=e.alert.hold_s, until_s=until)
         told = {"cost": path.cost, "way": path.length} if path.found else {"cost": cost, "way": cost}
-        self.book[e.alert.number] = e.became(t, AlertState.ASSIGNED, s.robot, order=order, **told)
+        self.book[e.alert.number] = e.became(t, AlertState.ASSIGNED, s.robot, order=order, view=view, **told)
 
     def _words(self, t: int) -> list[Message]:
         """Orders until they are followed, cancellations until they are heard, grants."""
