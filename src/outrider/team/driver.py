@@ -26,6 +26,7 @@ from outrider.team.sight import Sight
 from outrider.typing import Floats
 
 STILL: Final = np.zeros(3)
+NONE: Final = np.empty((0, 5))
 URGENT_S: Final = 0.5  # s between plans where the path is blocked or leads nowhere
 OUT: Final = 1.0  # m that a plan may start beside a robot that stands too near to something
 
@@ -124,8 +125,10 @@ class Driver:
             self._goal, self._path, self._plan = goal, None, None
             self._planned_s = self._moved_s = -np.inf
 
-    def step(self, t_s: float, here: Fused, scans: Sequence[Scan] = (), others: Sequence[Other] = ()) -> Answer:
-        """What to command now."""
+    def step(
+        self, t_s: float, here: Fused, scans: Sequence[Scan] = (), others: Sequence[Other] = (), moving: Floats = NONE
+    ) -> Answer:
+        """What to command now. others : robots that stand;  moving : (n, 5) discs, robots that say how they move."""
         pose = np.array([here.p[0], here.p[1], here.heading])
         # what stands around
         blind = self._sight.look(t_s, here, scans, others)
@@ -138,7 +141,7 @@ class Driver:
         if not path.found:
             return self._lost(t_s, path)
         # the trajectory along it
-        self._plan = self._local.plan(self._situation(t_s, here, pose, path), self._plan)
+        self._plan = self._local.plan(self._situation(t_s, here, pose, path, moving), self._plan)
         return self._told(t_s, self._plan)
 
     def _route(self, t_s: float, p: Floats) -> Path:
@@ -182,7 +185,7 @@ class Driver:
         state = Drive.UNREACHABLE if given_up else Drive.WAITING
         return Answer(state=state, reason=path.outcome.value, path=path)
 
-    def _situation(self, t_s: float, here: Fused, pose: Floats, path: Path) -> Situation:
+    def _situation(self, t_s: float, here: Fused, pose: Floats, path: Path, moving: Floats) -> Situation:
         assert self._goal is not None
         c, s = cos(here.heading), sin(here.heading)
         twist = np.array([c * here.v[0] + s * here.v[1], c * here.v[1] - s * here.v[0], here.w])
@@ -192,7 +195,7 @@ class Driver:
             goal[2] = float(np.arctan2(ahead[1], ahead[0])) if hypot(*ahead) > 0.0 else here.heading
         return Situation(
             time=t_s, pose=pose, twist=twist, goal=np.array([goal[0], goal[1], wrap(float(goal[2]))]),
-            path=path.points, surroundings=self._sight.surroundings(t_s, pose[:2]),
+            path=path.points, surroundings=self._sight.surroundings(t_s, pose[:2], moving),
         )  # fmt: skip
 
     def _told(self, t_s: float, plan: LocalPlan) -> Answer:

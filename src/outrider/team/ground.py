@@ -22,6 +22,7 @@ from outrider.team.reaction import Reaction
 from outrider.team.words import STATUS, Status
 from outrider.typing import Floats
 
+STANDS: Final = 0.15  # m/s, what is slower is taken to stand
 GONE_S: Final = 3.0  # s after which what another robot said of its place is too old
 
 
@@ -73,7 +74,7 @@ class Ground:
             if m.topic == STATUS and m.sender != self.navigator.robot:
                 self._heard[m.sender] = Status.of(m)
         scans = [scan for s in records if s.kind is Kind.SCAN for scan in self._scans(s, here)]
-        answer = self.driver.step(t * 1e-9, self.reaction.ahead(here), scans, self._neighbours(t))
+        answer = self.driver.step(t * 1e-9, self.reaction.ahead(here), scans, *self._neighbours(t))
         first = self.driver.sees and self._scan is None  # it waits for its first scan
         return here, answer.at_rest if first else answer
 
@@ -117,14 +118,16 @@ class Ground:
             out.append(Scan(pose=pose, bearings=bearings, ranges=s.z[row], reach=reach, blind=self.blind, age=ago))
         return out
 
-    def _neighbours(self, t: int) -> list[Other]:
-        """Where the others are by now."""
-        if self.others is None:
-            return []
-        out: list[Other] = []
-        for status in self._heard.values():
+    def _neighbours(self, t: int) -> tuple[list[Other], Floats]:
+        """Where the others stand, and (n, 5) discs of those that move, by what they have said of themselves."""
+        standing, moving = list[Other](), list[Floats]()
+        for status in self._heard.values() if self.others is not None else ():
             ago = (t - status.t) * 1e-9
-            if ago < GONE_S:
-                moved = np.array([*(status.velocity * ago), 0.0])
-                out.append((self.others, status.pose + moved))
-        return out
+            if ago >= GONE_S or self.others is None:
+                continue
+            here = status.pose + np.array([*(status.velocity * ago), 0.0])
+            if float(np.hypot(*status.velocity)) < STANDS:
+                standing.append((self.others, here))
+            else:
+                moving.append(np.array([*here[:2], self.others.circumscribed, *status.velocity]))
+        return standing, np.array(moving).reshape(-1, 5)

@@ -54,8 +54,8 @@ class Sight:
         late = t_s - self._seen_s
         return f"no scan for {late:.1f} s" if self._sees and late > self._stale_s else ""
 
-    def surroundings(self, t_s: float, p: Floats) -> Surroundings:
-        """What moves, and distances to what is taken in the window around p (2,)."""
+    def surroundings(self, t_s: float, p: Floats, told: Floats) -> Surroundings:
+        """What moves, seen and `told` (n, 5), and distances to what is taken in the window around p (2,)."""
         m, half = self.costmap, int(0.5 * self._window / self._map.resolution)
         row, col = (int(v) for v in m.cell_of(p))
         r0, c0 = max(row - half, 0), max(col - half, 0)
@@ -63,4 +63,4 @@ class Sight:
         taken = np.where((cells == LETHAL) | (cells == UNKNOWN), cells, 0).astype(np.uint8)
         corner = m.origin + np.array([c0, r0]) * m.resolution
         field = DistanceField.of(Costmap(cells=taken, resolution=m.resolution, origin=corner))
-        return Surroundings(discs=self._tracker.discs(t_s), field=field)
+        return Surroundings(discs=np.vstack([self._tracker.discs(t_s), told]), field=field)
