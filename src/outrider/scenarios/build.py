@@ -14,7 +14,6 @@ from outrider.io.checked import fault_at, remedy
 from outrider.models.vehicles import AIR_INPUTS, Differential, Mecanum, Pad, Rotorcraft, Vehicle
 from outrider.scenarios.driving import GotoMission, goal_poses, ground_robot
 from outrider.scenarios.navigation import Put, mount_matrix, navigator
-from outrider.scenarios.patrolling import Member, Setting, patrol, setting_of, station
 from outrider.scenarios.parts import (
     FAULTS,
     PLACES,
@@ -25,6 +24,7 @@ from outrider.scenarios.parts import (
     TourMission,
     WorldSection,
 )
+from outrider.scenarios.patrolling import Member, Setting, patrol, setting_of, station
 from outrider.scenarios.sections import made_of
 from outrider.scenarios.tracks import standing, track
 from outrider.sim.engine import Simulation, simulate

@@ -81,7 +81,7 @@ class Fleet:
 
 @scenario("site-fleet", tags=("ground", "closed loop", "mission", "several"))
 def site_fleet(cfg: Fleet) -> Description:
-    """Five robots go round a drawn site with a passage for one at a time, for an hour; the nearest goes to each alert."""
+    """Five robots go round a drawn site with a passage for one at a time; the nearest goes to each of twenty alerts."""
     if not 1 <= cfg.robots <= len(ROUNDS):
         raise ConfigError(f"{cfg.robots} robots", where="site-fleet", fix=f"1 to {len(ROUNDS)}")
     rng = np.random.default_rng(cfg.draw)

@@ -161,9 +161,14 @@ class TrackMission(Part):
 
 Mission: TypeAlias = _one_of(  # type: ignore[valid-type]
     [
-        StillMission, TourMission, TrackMission, GotoMission, PatrolMission, StationMission,
+        StillMission,
+        TourMission,
+        TrackMission,
+        GotoMission,
+        PatrolMission,
+        StationMission,
         section_of(Schedule, tag="schedule"),
-    ]  # fmt: skip
+    ]
 )
 
 

@@ -42,9 +42,7 @@ Stop: TypeAlias = str | list[Number]
 ROOM: Final = 0.5  # m between two robots, and to either side, where they can pass each other
 
 
-def site(
-    file: str = "", drawing: dict[str, Any] | None = None, resolution: float = 0.1, height: float = 1.5
-) -> World:
+def site(file: str = "", drawing: dict[str, Any] | None = None, resolution: float = 0.1, height: float = 1.5) -> World:
     """A site that somebody drew: the `file` of a drawing (YAML in metres, GeoJSON), or the `drawing` itself.
 
     What is drawn as taken is `height` [m] high; where nothing is drawn a robot could go, but does not plan to.
