@@ -93,6 +93,8 @@ def screen(s: Stream, memory: Memory | None = None, motion: Ints | None = None, 
     refuse(bad_stamps(s, m), Verdict.BAD_STAMP)
     if stray is not None:
         refuse(stray, Verdict.ASTRAY)
+    if s.kind in (Kind.GNSS, Kind.GNSS_VELOCITY) and "fix" in s.extra:  # without a fix the fields are often blank
+        refuse(s.extra["fix"] == Fix.NONE.value, Verdict.NO_FIX)
     refuse(~np.isfinite(s.z).any(axis=1), Verdict.NOT_FINITE)
     refuse(np.isinf(s.z).any(axis=1), Verdict.NOT_FINITE)
     if s.kind in (Kind.GNSS, Kind.GNSS_VELOCITY):
@@ -126,9 +128,8 @@ def bad_stamps(s: Stream, m: Memory) -> Bools:
 
 
 def screen_fixes(s: Stream, m: Memory, refuse: Refuse) -> None:
-    """No fix, too few satellites, null or impossible positions, stale fixes."""
+    """Unheard-of fix types, too few satellites, null or impossible positions, stale fixes."""
     if "fix" in s.extra:
-        refuse(s.extra["fix"] == Fix.NONE.value, Verdict.NO_FIX)
         refuse(~np.isin(s.extra["fix"], FIX_CODES) & ~np.isnan(s.extra["fix"]), Verdict.UNKNOWN_FIX)
     if "satellites" in s.extra:
         few = s.extra["satellites"]

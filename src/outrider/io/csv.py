@@ -39,6 +39,7 @@ from outrider.io._table import Header, Rows, header_of, read_rows
 from outrider.io.checked import Number, validated
 from outrider.io.config import read_yaml
 from outrider.io.files import Progress, assemble, closest, ensure_readable
+from outrider.io.stamps import gps_to_unix
 from outrider.typing import Bools, Floats, Ints
 
 DEGREE = np.pi / 180
@@ -50,7 +51,6 @@ UNITS = {
 QUATERNION, ANGLES = ("qx", "qy", "qz", "qw"), ("roll", "pitch", "yaw")
 BODY = {Kind.IMU, Kind.MAG, Kind.BODY_VELOCITY, Kind.TWIST, Kind.FLOW, Kind.RANGE_BEARING, Kind.ACKERMANN}
 TURNED = ("_y", "_z", "bearing", "steering")  # endings of what changes sign from forward-right-down to forward-left-up
-GPS_TO_UNIX = (315_964_800 - 18) * 10**9  # ns: 1980-01-06, less the leap seconds since 2017
 AXES = {Kind.POSITION, Kind.POSE, Kind.ODOMETRY_POSE, Kind.ESTIMATE, Kind.COMMAND}  # x y z: north-east-down swaps them
 
 
@@ -184,22 +184,27 @@ def _stream(name: str, s: StreamColumns, rows: Rows, time: TimeColumn, robot: st
     keep = np.flatnonzero(mine & filled & ~broken)
     given = {ours: rows.numbers[c][keep] * UNITS[s.units.get(ours, "1")] for ours, c in s.columns.items()}
     z = _ours(kind, s, given, keep.size)
-    offset = round(time.offset_s * 1e9) + (GPS_TO_UNIX if time.epoch == "gps" else 0)
     received = t if time.arrival is None else np.where(rows.stamps[time.arrival][1], rows.stamps[time.arrival][0], t)
     extra = {ours: _translated(rows.numbers[c][keep], s.values.get(ours, {})) for ours, c in s.extra.items()}
     return stream(
         name,
         kind,
-        t[keep] + offset,
+        _moved(t[keep], time),
         z,
         var=_variances(s, rows, keep, kind, z.shape[1]),
-        t_arrival=received[keep] + offset,
+        t_arrival=_moved(received[keep], time),
         extra=extra,
         malformed=int((mine & broken).sum()),
         robot=s.robot or robot,
         frame=s.frame_id,
         altitude=Altitude[s.altitude],
     )
+
+
+def _moved(t: Ints, time: TimeColumn) -> Ints:
+    """Stamps as the mapping wants them: shifted, and in Unix time."""
+    shifted = t + round(time.offset_s * 1e9)
+    return gps_to_unix(shifted) if time.epoch == "gps" else shifted
 
 
 def _equal(texts: list[str], value: str | float) -> Bools:

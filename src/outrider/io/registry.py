@@ -18,10 +18,12 @@ READERS = {  # format -> module and function
     "dataflash": ("dataflash", "read_dataflash"),
     "tlog": ("mavlink", "read_tlog"),
     "ekf2 replay": ("replay", "read_replay"),
+    "rtklib solution": ("rtklib", "read_pos"),
+    "gnss receiver": ("receivers", "read_receiver"),
 }
 SUPPORTED = (
     "ROS 1 .bag, ROS 2 bag (directory, .db3, .mcap), PX4 .ulg, ArduPilot .bin and .tlog, EKF2 replay .csv, "
-    "any .csv with a mapping"
+    "GNSS receivers (NMEA, UBX), RTKLIB .pos, any .csv with a mapping"
 )
 MAGIC = (
     (b"#ROSBAG V2.0", "ros1 bag"),
@@ -32,8 +34,13 @@ MAGIC = (
 )
 ENDINGS = {
     ".bag": "ros1 bag", ".mcap": "mcap", ".db3": "ros2 bag", ".ulg": "ulog", ".bin": "dataflash", ".tlog": "tlog",
+    ".pos": "rtklib solution", ".nmea": "gnss receiver", ".ubx": "gnss receiver",
 }  # fmt: skip
-REPLAY_ROW = re.compile(rb"\d+,(imu|gps|mag|baro|airspeed|range|flow|vio|landed),[-+0-9.e]")
+REPLAY_ROW = re.compile(rb"\A\d+,(imu|gps|mag|baro|airspeed|range|flow|vio|landed),[-+0-9.e]")
+PATTERNS = (  # in the first 4 KiB
+    (REPLAY_ROW, "ekf2 replay"),
+    (re.compile(rb"^%[^\n]*(latitude\((deg|d'\")\)|x-ecef\(m\)|e-baseline\(m\))", re.MULTILINE), "rtklib solution"),
+)
 
 
 def detect(path: Path) -> str:
@@ -53,8 +60,14 @@ def detect(path: Path) -> str:
             return name
     if len(head) > 16 and head[8] in (0xFD, 0xFE) and 0 < int.from_bytes(head[:8], "big") < 2**52:
         return "tlog"
-    if REPLAY_ROW.match(head):
-        return "ekf2 replay"
+    for pattern, name in PATTERNS:
+        if pattern.search(head):
+            return name
+    if b"$" in head or b"\xb5\x62" in head:
+        from outrider.io.receivers import is_receiver_log
+
+        if is_receiver_log(head):
+            return "gnss receiver"
     ending = path.suffix.lower()
     if ending in ENDINGS:
         return ENDINGS[ending]

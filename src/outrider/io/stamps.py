@@ -46,3 +46,20 @@ def seconds_text(t: int) -> str:
     """A stamp [ns] as decimal seconds with nine decimals, exactly."""
     sign, t = ("-", -t) if t < 0 else ("", t)
     return f"{sign}{t // 10**9}.{t % 10**9:09d}"
+
+
+LEAPS = (  # days since 1970 on which one more second lay between GPS time and UTC
+    4199, 4564, 4929, 5660, 6574, 7305, 7670, 8217, 8582, 8947, 9496, 10043, 10592, 13149, 14245, 15522, 16617, 17167,
+)  # fmt: skip
+GPS_EPOCH = 315_964_800 * 10**9  # ns: 1980-01-06
+DAY = 86_400 * 10**9  # ns
+
+
+def gps_to_unix(t: Ints) -> Ints:
+    """(n,) Unix time [ns] of GPS time since its epoch [ns]; leap seconds as known until 2026, none inserted since 2017.
+
+    Source: IERS Bulletin C.
+    """
+    plain = t + GPS_EPOCH
+    steps = np.array([day * DAY + k * 10**9 for k, day in enumerate(LEAPS, start=1)], np.int64)
+    return plain - np.searchsorted(steps, plain, side="right") * 10**9
