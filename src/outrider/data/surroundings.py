@@ -5,6 +5,7 @@ from typing import Final, Self, final
 
 import numpy as np
 
+from outrider.core.distances import distances
 from outrider.data.grid import LETHAL, UNKNOWN, Costmap
 from outrider.errors import DataError
 from outrider.typing import Floats
@@ -29,14 +30,11 @@ class DistanceField:
     @classmethod
     def of(cls, costmap: Costmap, *, unknown_is_free: bool = False) -> Self:
         """Exact Euclidean distances to lethal cells, and to unknown ones unless they are declared free."""
-        from scipy.ndimage import distance_transform_edt  # slow to import
-
         taken = costmap.cells == LETHAL
         if not unknown_is_free:
             taken |= costmap.cells == UNKNOWN
-        far = np.full(taken.shape, FAR)
-        steps: Floats = np.asarray(distance_transform_edt(~taken), np.float64) if taken.any() else far
-        return cls(distances=steps * costmap.resolution, resolution=costmap.resolution, origin=costmap.origin)
+        d = np.minimum(distances(taken, costmap.resolution), FAR)
+        return cls(distances=d, resolution=costmap.resolution, origin=costmap.origin)
 
 
 @final

@@ -4,7 +4,6 @@ Nothing here makes a way longer or dearer, or leads it into a cell that must not
 """
 
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 from math import floor, hypot, inf
 from time import perf_counter
 from typing import Final, final
@@ -62,6 +61,13 @@ def line_cost(
             col, t_col = col + by_col, t_col + every_col
         else:
             row, t_row = row + by_row, t_row + every_row
+
+
+@kernel
+def _line_costs(cells: NDArray[np.uint8], weights: Floats, cutting: int, points: Floats, out: Floats) -> None:
+    """`line_cost` between points and the next ones."""
+    for i in range(out.size):
+        out[i] = line_cost(cells, weights, cutting, points[i, 0], points[i, 1], points[i + 1, 0], points[i + 1, 1])
 
 
 @kernel
@@ -134,10 +140,15 @@ def smooth(costmap: Costmap, traversal: Traversal, points: Floats, *, rounds: in
 
 def cost_along(costmap: Costmap, traversal: Traversal, points: Floats) -> float:
     """Metres of free ground that straight lines through the points are worth; inf where one must not lead."""
-    p = _in_cells(costmap, points)
-    cells, weights, cutting = costmap.cells, traversal.weights, int(traversal.corner_cutting)
-    parts = [line_cost(cells, weights, cutting, *a, *b) for a, b in pairwise(p)]
-    return float(np.sum(parts)) * costmap.resolution
+    return float(np.sum(costs_along(costmap, traversal, points)))
+
+
+def costs_along(costmap: Costmap, traversal: Traversal, points: Floats) -> Floats:
+    """(n - 1,) the same for each of the lines through points (n, 2)."""
+    out = np.empty(max(len(points) - 1, 0))
+    p, cutting = _in_cells(costmap, points), int(traversal.corner_cutting)
+    _line_costs(costmap.cells, traversal.weights, cutting, p, out)
+    return out * costmap.resolution
 
 
 def _in_cells(costmap: Costmap, points: Floats) -> Floats:

@@ -10,7 +10,7 @@ import numpy as np
 from outrider.data.grid import Costmap
 from outrider.data.routes import Path
 from outrider.errors import ConfigError
-from outrider.planning.refine import cost_along
+from outrider.planning.refine import costs_along
 from outrider.planning.traversal import Traversal
 from outrider.typing import Floats
 
@@ -94,7 +94,7 @@ def remaining(costmap: Costmap, traversal: Traversal, path: Path, position: Floa
     offset = np.hypot(*(foot - position).T)
     i = int(offset.argmin())
     rest = np.concatenate([foot[i : i + 1], p[i + 1 :]])
-    costs = np.array([cost_along(costmap, traversal, rest[k : k + 2]) for k in range(len(rest) - 1)])
+    costs = costs_along(costmap, traversal, rest)
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(rest, axis=0).T))])
     blocked = np.flatnonzero(np.isinf(costs))
     return Remaining(float(costs.sum()), float(offset[i]), float(along[blocked[0]]) if blocked.size else inf)

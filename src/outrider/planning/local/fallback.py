@@ -14,6 +14,8 @@ SHARES: Final = (1.0, 0.8, 0.6, 0.4, 0.2)  # of a command that are tried before 
 PATIENCE: Final = 20  # answers that a robot waits for what is in the way to go away
 ROOM: Final = 0.5  # m to back out
 STILL: Final = 0.02  # m/s
+GENTLY: Final = 0.3  # of the speed backward
+AMPLE: Final = 0.08  # m of room along a way that is worth driving on, for a robot that backs out
 STANDS: Final = 0.1  # m/s, slower than anybody walks
 
 
@@ -60,6 +62,11 @@ def answer(b: Blocked, now: Situation, plan: LocalPlan, last: LocalPlan | None) 
     outline, and a command from which it could not stop in time is scaled down.
     """
     waited = last.blocked + 1 if last is not None else 1
+    back = _back_out(b, now) if PATIENCE <= waited < PATIENCE + _periods(b) else None
+    backs = last is not None and last.outcome is LocalOutcome.BACK_OUT and plan.outcome is LocalOutcome.DRIVE
+    if back is not None and last is not None and backs and not (plan.conflict is None and plan.clearance > AMPLE):
+        conflict = last.conflict if plan.conflict is None else plan.conflict
+        return replace(plan, outcome=LocalOutcome.BACK_OUT, twist=back, conflict=conflict, blocked=waited)
     most = 1.0 if plan.conflict is None else _share_before(b, plan)
     twist, held = _stoppable(b, now, plan, most)
     conflict = held if held is not None else plan.conflict
@@ -71,7 +78,6 @@ def answer(b: Blocked, now: Situation, plan: LocalPlan, last: LocalPlan | None) 
     if moving or waited < PATIENCE:
         twist = stop(now.twist, b.limits, b.period)
         return replace(plan, outcome=LocalOutcome.STOP, twist=twist, conflict=conflict, blocked=waited)
-    back = _back_out(b, now)
     outcome = LocalOutcome.REPLAN if back is None else LocalOutcome.BACK_OUT
     twist = np.zeros(3) if back is None else back
     return replace(plan, outcome=outcome, twist=twist, conflict=conflict, blocked=waited)
@@ -107,11 +113,16 @@ def _stoppable(b: Blocked, now: Situation, plan: LocalPlan, most: float) -> tupl
     return None, first
 
 
+def _periods(b: Blocked) -> int:
+    """How many answers long it backs out."""
+    return int(ROOM / max(GENTLY * b.limits.backward * b.period, 1e-3))
+
+
 def _back_out(b: Blocked, now: Situation) -> Floats | None:
     """The next twist straight back, or None where that is not free or the base cannot."""
     if b.limits.backward <= 0.0:
         return None
-    speed = 0.3 * b.limits.backward
+    speed = GENTLY * b.limits.backward
     back = np.array([-speed, 0.0, 0.0])
     t = np.linspace(0.0, ROOM / speed, 12)
     z = np.column_stack([moved(now.pose, back, t), t])
