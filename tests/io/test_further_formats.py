@@ -1,10 +1,13 @@
 """The formats that are no flight logs: told by content, cut and damaged without a surprise."""
 
+import bz2
+import gzip
 from collections.abc import Callable
 from pathlib import Path
 
 import gnss_logs
 import numpy as np
+import other_logs
 import pytest
 from flight_logs import cuts, damages, write
 from test_registry import attempt
@@ -16,6 +19,10 @@ FORMATS: dict[str, tuple[str, str, Callable[[], bytes]]] = {
     "nmea": ("gnss receiver", ".nmea", gnss_logs.nmea),
     "ubx": ("gnss receiver", ".ubx", gnss_logs.ubx),
     "mixed": ("gnss receiver", ".log", gnss_logs.mixed),
+    "remote id": ("remote id", ".pcap", other_logs.remote_id),
+    "carmen": ("carmen log", ".clf", other_logs.carmen),
+    "carmen, packed": ("carmen log", ".clf.bz2", lambda: bz2.compress(other_logs.carmen())),
+    "carmen, zipped": ("carmen log", ".clf.gz", lambda: gzip.compress(other_logs.carmen(), mtime=0)),
     "pos": ("rtklib solution", ".pos", gnss_logs.pos),
 }
 

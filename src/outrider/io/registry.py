@@ -20,11 +20,14 @@ READERS = {  # format -> module and function
     "ekf2 replay": ("replay", "read_replay"),
     "rtklib solution": ("rtklib", "read_pos"),
     "gnss receiver": ("receivers", "read_receiver"),
+    "remote id": ("remote_id", "read_remote_id"),
+    "carmen log": ("carmen", "read_carmen"),
 }
 SUPPORTED = (
     "ROS 1 .bag, ROS 2 bag (directory, .db3, .mcap), PX4 .ulg, ArduPilot .bin and .tlog, EKF2 replay .csv, "
-    "GNSS receivers (NMEA, UBX), RTKLIB .pos, any .csv with a mapping"
+    "GNSS receivers (NMEA, UBX), RTKLIB .pos, Open Drone ID .pcap, CARMEN .clf, any .csv with a mapping"
 )
+PACKED = (b"BZh", b"\x1f\x8b")
 MAGIC = (
     (b"#ROSBAG V2.0", "ros1 bag"),
     (b"\x89MCAP0\r\n", "mcap"),
@@ -36,9 +39,16 @@ ENDINGS = {
     ".bag": "ros1 bag", ".mcap": "mcap", ".db3": "ros2 bag", ".ulg": "ulog", ".bin": "dataflash", ".tlog": "tlog",
     ".pos": "rtklib solution", ".nmea": "gnss receiver", ".ubx": "gnss receiver",
 }  # fmt: skip
+CAPTURES = (
+    b"\xd4\xc3\xb2\xa1", b"\xa1\xb2\xc3\xd4", b"\x4d\x3c\xb2\xa1", b"\xa1\xb2\x3c\x4d", b"\x0a\x0d\x0d\x0a",
+)  # fmt: skip
 REPLAY_ROW = re.compile(rb"\A\d+,(imu|gps|mag|baro|airspeed|range|flow|vio|landed),[-+0-9.e]")
 PATTERNS = (  # in the first 4 KiB
     (REPLAY_ROW, "ekf2 replay"),
+    (
+        re.compile(rb"^(# CARMEN Logfile|(ODOM|[FR]LASER|(RAW|ROBOT)LASER\d) -?\d|PARAM robot_)", re.MULTILINE),
+        "carmen log",
+    ),
     (re.compile(rb"^%[^\n]*(latitude\((deg|d'\")\)|x-ecef\(m\)|e-baseline\(m\))", re.MULTILINE), "rtklib solution"),
 )
 
@@ -55,7 +65,9 @@ def detect(path: Path) -> str:
         raise DataError("is a directory, but not a ROS 2 bag", where=str(path), fix="name the log file inside it")
     with ensure_readable(path).open("rb") as f:
         head = f.read(4096)
-    for magic, name in MAGIC:
+    if head.startswith(PACKED):
+        return _packed(path)
+    for magic, name in (*MAGIC, *((c, "remote id") for c in CAPTURES)):
         if head.startswith(magic):
             return name
     if len(head) > 16 and head[8] in (0xFD, 0xFE) and 0 < int.from_bytes(head[:8], "big") < 2**52:
@@ -76,6 +88,17 @@ def detect(path: Path) -> str:
     if head.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise DataError("is text in UTF-16", where=str(path), fix="save it as UTF-8")
     raise DataError("not a log format that is known here", where=str(path), fix=f"supported: {SUPPORTED}")
+
+
+def _packed(path: Path) -> str:
+    """The format of a compressed file: CARMEN logs are read as they are."""
+    from outrider.io.carmen import opened, up_to_damage
+
+    with path.open("rb") as f, opened(f) as unpacked:
+        head = b"".join(line for _, line in zip(range(200), up_to_damage(unpacked), strict=False))
+    if any(name == "carmen log" and pattern.search(head) for pattern, name in PATTERNS):
+        return "carmen log"
+    raise DataError("is compressed, and holds no CARMEN log", where=str(path), fix=f"unpack it; supported: {SUPPORTED}")
 
 
 def check_input(

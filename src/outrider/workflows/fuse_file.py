@@ -37,8 +37,9 @@ class Input:
             if progress is not None:
                 progress("reading", min(1.0, done / max(total, 1)))
 
+        named = {} if self.robot is not None else {"robot": robot}  # names of several robots are those of the log
         log = read_log(
-            self.log, robot=robot, topics=self.topics, start_s=self.start_s, end_s=self.end_s, progress=of_bytes,
+            self.log, **named, topics=self.topics, start_s=self.start_s, end_s=self.end_s, progress=of_bytes,
             mapping=self.mapping,
         )  # fmt: skip
         return of_robot(log, self.robot)
