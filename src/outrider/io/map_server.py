@@ -23,6 +23,7 @@ from outrider.io.checked import Flag, Number, Whole, fault_at, validated
 from outrider.io.config import read_yaml, yaml_text
 from outrider.io.files import replacing
 from outrider.io.images import brightness, has_alpha, read_image, write_pgm, write_png
+from outrider.mapping.turned import levelled
 from outrider.typing import Floats
 
 FREE_GREY, TAKEN_GREY, UNKNOWN_GREY = 254, 0, 205  # as both servers save them
@@ -42,7 +43,7 @@ class Dialect(Enum):
 class Map:
     """A map that was read.
 
-    grid : its cells; where `heading` is not 0, in a frame of its own that has the site's origin;
+    grid : its cells; where `heading` is not 0, in a frame of its own that has the site's origin: see `level`;
     heading : rad, of the grid's columns, counter-clockwise from the site's x axis, about the grid's corner;
     anchor : where it lies on the Earth, if the file tells;  notes : what is worth a warning.
     """
@@ -52,6 +53,11 @@ class Map:
     mode: Mode = "trinary"
     anchor: Anchor | None = None
     notes: tuple[str, ...] = ()
+
+    @property
+    def level(self) -> Grid:
+        """The cells in the site's frame: the grid itself, or, where it is turned, what `levelled` makes of it."""
+        return levelled(self.grid, self.heading) if self.heading else self.grid
 
 
 class AnchorSection(BaseModel):
