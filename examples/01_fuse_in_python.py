@@ -7,7 +7,7 @@ import numpy as np
 
 from outrider.data import Verdict
 from outrider.sim import wheeled_log
-from outrider.workflows.compare import compare_trajectories
+from outrider.workflows.evaluate import compare_trajectories
 from outrider.workflows.config import FuseConfig
 from outrider.workflows.fuse import fuse
 

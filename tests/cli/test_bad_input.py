@@ -112,10 +112,11 @@ EMPTY = {
     "--withhold": ("fuse", "{log}", "--withhold", ""),
     "preset": ("fuse", "{log}", "--preset", ""),
     "--topic": ("fuse", "{log}", "--topic", ""),
-    "ESTIMATE": ("compare", "", "{log}"),
-    "REFERENCE": ("compare", "{log}", ""),
-    "--align": ("compare", "{log}", "{log}", "--align", ""),
-    "--max-rmse": ("compare", "{log}", "{log}", "--max-rmse", ""),
+    "ESTIMATE": ("eval", "", "{log}"),
+    "--outages": ("eval", "{log}", "--outages", ""),
+    "--span": ("eval", "{log}", "{log}", "--span", ""),
+    "--align": ("eval", "{log}", "{log}", "--align", ""),
+    "--max-rmse": ("eval", "{log}", "{log}", "--max-rmse", ""),
 }
 
 
@@ -176,9 +177,9 @@ def test_topics_and_times_that_are_not_there(outrider: Any, recording: Path, tmp
 
 
 def test_compare_with_what_is_no_trajectory(outrider: Any, recording: Path, tmp_path: Path) -> None:
-    refused(outrider("compare", "a.tum", "b.tum"), BAD_DATA, "a.tum", tmp_path, set())
-    refused(outrider("compare", recording, recording), BAD_DATA, "no estimate to compare", tmp_path, set())
-    refused(outrider("compare", "a", "b", "--align", "some"), USAGE, "none, yaw, se2, se3", tmp_path, set())
+    refused(outrider("eval", "a.tum", "b.tum"), BAD_DATA, "a.tum", tmp_path, set())
+    refused(outrider("eval", recording, recording), BAD_DATA, "no estimate to compare", tmp_path, set())
+    refused(outrider("eval", "a", "b", "--align", "some"), USAGE, "none, yaw, se2, se3, sim3", tmp_path, set())
 
 
 def only(log: EventLog, name: str, records: int | None = None) -> EventLog:

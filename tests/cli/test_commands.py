@@ -3,6 +3,7 @@
 Tests that fuse more than once are for the compiled pass: as plain Python a second of data takes a second.
 """
 
+import csv
 import json
 import os
 import subprocess
@@ -94,20 +95,42 @@ def test_a_source_that_was_never_used_fails_the_check(outrider: Any, small_log: 
 
 
 @pytest.mark.compiled
-def test_compare(outrider: Any, recording: Path, tmp_path: Path) -> None:
+def test_eval(outrider: Any, recording: Path, tmp_path: Path) -> None:
     outrider("fuse", recording, "-o", "run", "--no-report")
-    same = outrider("compare", "run", "run/fused.tum", "--max-rmse", 0.01)
-    assert same.err == "" and "run: compared with itself" in outrider("compare", "run", "run", "--json").err
+    same = outrider("eval", "run", "run/fused.tum", "--max-rmse", 0.01)
+    assert same.err == "" and "run: compared with itself" in outrider("eval", "run", "run", "--json").err
     assert same.code == 0 and "horizontal [m]" in same.out and "in space" not in same.out
     lines = (tmp_path / "run" / "fused.tum").read_text().splitlines()
     moved = [f"{c[0]} {float(c[1]) + 2} {' '.join(c[2:])}" for c in (line.split() for line in lines[1:])]
     Path("moved.tum").write_text("\n".join(moved))
-    missed = outrider("compare", "run", "moved.tum", "--max-rmse", 1.5, "-o", "errors")
+    missed = outrider("eval", "run", "moved.tum", "--max-rmse", 1.5, "-o", "errors")
     assert missed.code == 1 and "above the limit of 1.5 m" in missed.out
-    assert {p.name for p in (tmp_path / "errors").iterdir()} == {"comparison.json", "map.png", "error.png"}
-    told = json.loads(outrider("compare", "run", "moved.tum", "--json").out)
-    assert told["schema"] == "outrider.comparison/1" and told["position_2d"]["rmse"] == pytest.approx(2.0, abs=1e-6)
-    assert outrider("compare", "run", "moved.tum", "--align", "se3", "--max-rmse", 0.01).code == 0
+    assert {p.name for p in (tmp_path / "errors").iterdir()} == {"evaluation.json", "map.png", "error.png", "evo.zip"}
+    told = json.loads(outrider("eval", "run", "moved.tum", "--json").out)
+    assert told["schema"] == "outrider.evaluation/1" and told["reference"] == "moved"
+    assert told["estimates"][0]["position_2d"]["rmse"] == pytest.approx(2.0, abs=1e-6)
+    assert told["estimates"][0]["nis"]["/gnss"]["n"] > 1
+    assert outrider("eval", "run", "moved.tum", "--align", "se3", "--max-rmse", 0.01).code == 0
+    both = ("eval", "run", "run/local.tum", "moved.tum")
+    table = list(csv.DictReader(outrider(*both, "--format", "csv").out.splitlines()))
+    assert [row["estimate"] for row in table] == ["run", "local"] and table[0]["RMSE 2-D [m]"] == "2.000"
+    assert "moved" in outrider(*both).out.splitlines()[0]
+    latex = outrider("eval", "run", "moved.tum", "--format", "latex").out
+    assert latex.startswith("\\begin{tabular}") and "95 \\%" in latex and latex.count("\\\\") == 2
+
+
+@pytest.mark.compiled
+def test_eval_through_outages(outrider: Any, recording: Path) -> None:
+    told = outrider("eval", recording, "--outages", "/gnss=5", "--every", 20, "--json", "-q")
+    done = json.loads(told.out)
+    assert told.code == 0 and done["schema"] == "outrider.outages/1" and done["source"] == "/gnss"
+    assert done["summary"]["windows"] == len(done["by_window"]) >= 1
+    for window in done["by_window"]:
+        assert window["end_s"] - window["start_s"] == pytest.approx(5.0) and window["rmse_m"] <= window["worst_m"]
+    assert outrider("eval", recording, "--outages", "/gnss=5", "--every", 20, "-q", "--max-rmse", 0).code == 1
+    for given, words in (("/gns=5", "/gnss"), ("/gnss=9000", "fits into"), ("/imu=5", "tells no position")):
+        refused = outrider("eval", recording, "--outages", given, "-q")
+        assert refused.code == 2 and words in refused.err and refused.err.count("\n") == 1
 
 
 def test_sources(outrider: Any, recording: Path, tmp_path: Path) -> None:
@@ -142,14 +165,14 @@ print("HEAVY", sorted(heavy), "CPU", time.process_time(), "CODE", code)
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
     assert "HEAVY [] " in done.stdout and done.stdout.rstrip().endswith("CODE 0"), done.stdout[-200:]
-    assert done.stdout.count("--version") >= 2 and "compare" in done.stdout
+    assert done.stdout.count("--version") >= 2 and "eval" in done.stdout
     cpu = float(done.stdout.split("CPU ")[1].split()[0])
     assert cpu < 1.0  # three helps; 0.3 s each would be the promise, machines under load vary
 
 
 @pytest.mark.parametrize(
     ("typed", "words"),
-    [("outrider ", {"fuse", "compare", "demo"}), ("outrider fuse --wi", {"--withhold"}), ("outrider fuse x.ba", set())],
+    [("outrider ", {"fuse", "eval", "demo"}), ("outrider fuse --wi", {"--withhold"}), ("outrider fuse x.ba", set())],
 )
 def test_completion(typed: str, words: set[str]) -> None:
     """Commands and options; file names are left to the shell."""
@@ -179,4 +202,4 @@ def test_demo(outrider: Any, tmp_path: Path) -> None:
     assert "fused against truth" in done.out and done.code in (0, 1)
     again = outrider("fuse", "demo/patrol.mcap", "-o", "again", "--no-report", "-q")
     assert again.code == done.code
-    assert outrider("compare", "again", "demo/truth.tum", "--max-rmse", 1.5).code == 0
+    assert outrider("eval", "again", "demo/truth.tum", "--max-rmse", 1.5).code == 0

@@ -116,5 +116,5 @@ def test_a_simulated_recording_is_fused_like_any_other(
     fused = outrider("fuse", "run/run.mcap", "--datum", datum, "--no-report", "-o", "fused", "--json", *robot)
     assert fused.code == 0, fused.out
     truth = f"run/truth_{robot[1] if robot else 'robot'}.tum"
-    compared = json.loads(outrider("compare", "fused", truth, "--json").out)
-    assert compared["position_2d"]["rmse"] < limit
+    compared = json.loads(outrider("eval", "fused", truth, "--json").out)
+    assert compared["estimates"][0]["position_2d"]["rmse"] < limit

@@ -13,7 +13,7 @@ from outrider.data import Trajectory
 from outrider.errors import DataError
 from outrider.eval import (
     Alignment,
-    Rigid,
+    Similarity,
     align,
     associate,
     compare,
@@ -130,7 +130,7 @@ def umeyama(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def test_full_alignment_is_umeyamas():
     truth = winding()
     turn = quats_to_matrices(rpy_to_quats(np.array([0.3, -1.1, 2.5])))
-    estimate = Rigid(R=turn, p=np.array([10.0, -4.0, 3.0])).apply(noisy(truth))
+    estimate = Similarity(R=turn, p=np.array([10.0, -4.0, 3.0])).apply(noisy(truth))
     pairs, motion = align(associate(estimate, truth), Alignment.SE3)
     R, t = umeyama(estimate.p, truth.p)
     np.testing.assert_allclose(motion.R, R, atol=1e-9)
@@ -142,7 +142,7 @@ def test_full_alignment_is_umeyamas():
 def test_planar_alignment_is_umeyamas_in_the_plane():
     truth = winding()
     turn = quats_to_matrices(rpy_to_quats(np.array([0.0, 0.0, 2.5])))
-    estimate = Rigid(R=turn, p=np.array([10.0, -4.0, 3.0])).apply(noisy(truth))
+    estimate = Similarity(R=turn, p=np.array([10.0, -4.0, 3.0])).apply(noisy(truth))
     R, t = umeyama(estimate.p[:, :2], truth.p[:, :2])
     for how in (Alignment.SE2, Alignment.YAW):
         pairs, motion = align(associate(estimate, truth), how)
@@ -161,7 +161,7 @@ def test_alignment_of_a_mirrored_path_is_still_a_rotation():
 
 def test_alignment_takes_attitude_velocity_and_covariance_along():
     truth = replace(winding(), P=np.tile(np.diag([1.0, 4.0, 9.0, 0.1, 0.2, 0.3]), (200, 1, 1)))
-    turn = Rigid(R=quats_to_matrices(rpy_to_quats(np.array([0.0, 0.0, np.pi / 2]))), p=np.array([1.0, 2.0, 3.0]))
+    turn = Similarity(R=quats_to_matrices(rpy_to_quats(np.array([0.0, 0.0, np.pi / 2]))), p=np.array([1.0, 2.0, 3.0]))
     moved = turn.apply(truth)
     np.testing.assert_allclose(np.diag(moved.P[0]), [4.0, 1.0, 9.0, 0.1, 0.2, 0.3])
     pairs, _ = align(associate(moved, truth), Alignment.SE3)
@@ -211,7 +211,7 @@ def _quats(R: np.ndarray) -> np.ndarray:
 
 def test_relative_error_sees_drift_and_not_where_or_which_way():
     truth = winding(200)
-    moved = Rigid(R=quats_to_matrices(rpy_to_quats(np.array([0.2, 0.1, 1.0]))), p=np.array([9.0, 9.0, 9.0])).apply(
+    moved = Similarity(R=quats_to_matrices(rpy_to_quats(np.array([0.2, 0.1, 1.0]))), p=np.array([9.0, 9.0, 9.0])).apply(
         truth
     )
     p, angle = relative_errors(associate(moved, truth), 5.0)
@@ -241,7 +241,7 @@ def test_comparison_is_plain_json():
     truth = winding()
     told = compare(replace(truth, v=np.zeros((0, 3))), truth).as_dict()
     plain = json.loads(json.dumps(told, allow_nan=False))
-    assert plain["schema"] == "outrider.comparison/1" and plain["alignment"] == "none"
+    assert plain["schema"] == "outrider.comparison/2" and plain["alignment"] == "none"
     assert plain["velocity"]["n"] == 0 and plain["velocity"]["rmse"] is None and plain["nees"] is None
     assert plain["matched"] == plain["of"] == 200 and plain["lost"] == {}
 

@@ -41,13 +41,20 @@ def test_tum_keeps_every_nanosecond(tmp_path: Path, path_of_ten: Trajectory) -> 
 
 
 def test_tum_leaves_out_what_is_damaged(tmp_path: Path) -> None:
-    text = b"# t x\n2.5 1 2 3 0 0 0 1\n1 1 2 3 0 0 0 2\n2.5 9 9 9 0 0 0 1\n3 1 2\n4 a b c d e f g\n5 nan 0 0 0 0 0 1\n"
+    text = b"# t x\n1 1 2 3 0 0 0 2\n2.5 1 2 3 0 0 0 1\n3 1 2\n4 a b c d e f g\n5 nan 0 0 0 0 0 1\n"
     text += b"6 1 2 3 0 0"
     back = read_tum(write(tmp_path, "a.txt", text))
     assert back.t.tolist() == [10**9, 2_500_000_000] and back.q[0].tolist() == [0, 0, 0, 1] and back.p[1, 0] == 1
     for nothing in (b"# only a comment\n", b"\0\xff\n"):
         with pytest.raises(DataError, match="no TUM pose"):
             read_tum(write(tmp_path, "b.txt", nothing))
+
+
+@pytest.mark.parametrize(("stamps", "words"), [((1, 3, 2), "back in time: pose 3"), ((1, 2, 2), "two poses at one")])
+def test_tum_time_goes_on(tmp_path: Path, stamps: tuple[int, ...], words: str) -> None:
+    text = "".join(f"{t} 1 2 3 0 0 0 1\n" for t in stamps)
+    with pytest.raises(DataError, match=words):
+        read_tum(write(tmp_path, "a.txt", text.encode()))
 
 
 @pytest.mark.parametrize("ending", ["csv", "parquet"])

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from outrider.cli import evaluate as evaluation
 from outrider.cli import mapping as maps
 from outrider.cli import parse
 from outrider.cli import run as scenarios
@@ -23,7 +24,6 @@ from outrider.cli.options import (
     Start,
     Topics,
 )
-from outrider.cli.output import tell
 from outrider.cli.shared import hush_matplotlib, print_json, typed
 from outrider.errors import ExitCode, UsageError
 
@@ -120,65 +120,6 @@ def fuse(
     return exit_code(run)
 
 
-@app.command(short_help="Compare a trajectory with a reference.")
-def compare(
-    estimate: Annotated[
-        Path,
-        typer.Argument(
-            metavar="ESTIMATE",
-            parser=parse.file("ESTIMATE"),
-            help="Run folder, TUM, CSV, Parquet, or a log with an estimate.",
-        ),
-    ],
-    reference: Annotated[
-        Path,
-        typer.Argument(metavar="REFERENCE", parser=parse.file("REFERENCE"), help="The same, taken as true."),
-    ],
-    max_gap: Annotated[
-        float,
-        typer.Option(
-            "--max-gap",
-            metavar="S",
-            parser=parse.number("--max-gap", above=0),
-            help="Longest gap of the estimate to interpolate over.",
-        ),
-    ] = 0.5,
-    align: Annotated[
-        str, typer.Option("--align", metavar="MOTION", help="none, yaw, se2 or se3: taken out before errors count.")
-    ] = "none",
-    topic: Annotated[
-        str | None,
-        typer.Option("--topic", metavar="NAME", parser=parse.name("--topic"), help="Which estimate of a log."),
-    ] = None,
-    output: Output = None,
-    force: Force = False,
-    json: AsJson = False,
-    max_rmse: Annotated[
-        float | None,
-        typer.Option(
-            "--max-rmse",
-            metavar="M",
-            parser=parse.number("--max-rmse", least=0),
-            help="Exit with 1 if the horizontal RMSE is larger.",
-        ),
-    ] = None,
-    debug: Debug = False,
-) -> int:
-    """Compare a trajectory with a reference: time association, then errors; no alignment unless asked for."""
-    from outrider.cli import render
-    from outrider.workflows.compare import compare_files
-
-    hush_matplotlib()
-    done = compare_files(estimate, reference, max_gap_s=max_gap, align=align, topic=topic, output=output, force=force)
-    if estimate.samefile(reference):
-        tell(f"outrider: {estimate}: compared with itself, so nothing differs\n")
-    code = ExitCode.OK if done.within(max_rmse) else ExitCode.FAILED_CHECK
-    if json:
-        return print_json(done.as_dict(), code)
-    render.comparison(done, max_rmse, output)
-    return code
-
-
 @app.command(short_help="Simulate, record, fuse and compare a patrol: start here.")
 def demo(
     output: Annotated[Path, FOLDER] = Path("outrider-demo"),
@@ -241,6 +182,7 @@ def sources(
     return ExitCode.OK
 
 
+app.command("eval", short_help=evaluation.ABOUT)(evaluation.eval_command)
 app.command("run", short_help=scenarios.ABOUT)(scenarios.run_command)
 app.command("map", short_help=maps.ABOUT)(maps.map_command)
 

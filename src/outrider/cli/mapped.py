@@ -6,7 +6,7 @@ from typing import Any
 
 from rich.text import Text
 
-from outrider.cli.render import _number, console
+from outrider.cli.render import console, number
 
 
 def show(summary: Mapping[str, Any], folder: Path, *, quiet: bool = False) -> None:
@@ -28,11 +28,11 @@ def show(summary: Mapping[str, Any], folder: Path, *, quiet: bool = False) -> No
         out.print(Text(", ".join(f"{n} x {kind.replace('_', '-')}" for kind, n in summary["shapes"].items())))
     if summary["routes"]:
         r = summary["routes"]
-        out.print(Text(f"routes: {r['nodes']} nodes, {r['edges']} edges, {_number(r['length_m'])} m"))
+        out.print(Text(f"routes: {r['nodes']} nodes, {r['edges']} edges, {number(r['length_m'])} m"))
     if summary["fit"]:
         f = summary["fit"]
-        fitted = f"{_number(f['resolution_m'])} m per pixel, turned {_number(f['heading_deg'])} degrees"
-        out.print(Text(f"control points: {fitted}, off by {_number(f['rmse_m'])} m (RMS)"))
+        fitted = f"{number(f['resolution_m'])} m per pixel, turned {number(f['heading_deg'])} degrees"
+        out.print(Text(f"control points: {fitted}, off by {number(f['rmse_m'])} m (RMS)"))
     v = summary["volume"]
     if v["drawing_bytes"]:
         ratio, drawing = v["dense_to_drawing"], v["drawing_bytes"] / 1000

@@ -98,6 +98,15 @@ def _every(text: str) -> tuple[str, int]:
     return source, _whole(every, 2, f"--withhold {text}")
 
 
+def seconds_of(text: str, option: str) -> tuple[str, float]:
+    """SOURCE=S: a name, and more than zero seconds."""
+    source, seconds = _split(text, option, "SOURCE=SECONDS")
+    value = _number(seconds, f"{option} {text}")
+    if not value > 0.0:
+        raise UsageError("is no time", where=f"{option} {text}", fix="give more than zero seconds")
+    return source, value
+
+
 def _once(option: str, pairs: Iterable[tuple[str, T]]) -> dict[str, T]:
     """As a dict; what stands there twice is no typing error that we could guess."""
     out: dict[str, T] = {}

@@ -12,8 +12,6 @@ from rich.table import Table
 from rich.text import Text
 
 if TYPE_CHECKING:
-    from outrider.eval import Statistics
-    from outrider.workflows.compare import FileComparison
     from outrider.workflows.demo import Demo
     from outrider.workflows.sources import Listing
 
@@ -54,13 +52,13 @@ def _figures(summary: Mapping[str, Any]) -> Iterable[str]:
         yield "no estimate"
         return
     end, sd, share = f["end"], f["deviation"], f["valid_share"]
-    pace = f", {_number(f['times_real_time'])} x real time" if f["times_real_time"] else ""
-    compiled = f" plus {_number(summary['compile_s'])} s compiling" if summary["compile_s"] > 0.0 else ""
-    took = f"computed in {_number(summary['wall_s'])} s{pace}{compiled}"
-    yield f"{_number(f['duration_s'])} s, {_number(f['distance_m'])} m, {took}"
-    known = [f"position +-{_number(sd['horizontal_m']['end'])} m" if "horizontal_m" in sd else ""]
-    known += [f"heading +-{_number(sd['heading_deg']['end'])} deg" if "heading_deg" in sd else ""]
-    at = f"{end['east_m']:.2f} m east, {end['north_m']:.2f} m north, heading {_number(end['heading_deg'], 4)} deg"
+    pace = f", {number(f['times_real_time'])} x real time" if f["times_real_time"] else ""
+    compiled = f" plus {number(summary['compile_s'])} s compiling" if summary["compile_s"] > 0.0 else ""
+    took = f"computed in {number(summary['wall_s'])} s{pace}{compiled}"
+    yield f"{number(f['duration_s'])} s, {number(f['distance_m'])} m, {took}"
+    known = [f"position +-{number(sd['horizontal_m']['end'])} m" if "horizontal_m" in sd else ""]
+    known += [f"heading +-{number(sd['heading_deg']['end'])} deg" if "heading_deg" in sd else ""]
+    at = f"{end['east_m']:.2f} m east, {end['north_m']:.2f} m north, heading {number(end['heading_deg'], 4)} deg"
     sigma = ", ".join(k for k in known if k)
     yield f"ends {at}" + (f" (1 sigma: {sigma})" if sigma else "")
     yield f"valid: position {share['position']:.1%}, heading {share['heading']:.1%} of the time"
@@ -81,13 +79,13 @@ def _findings(out: Console, findings: Sequence[Mapping[str, str]], *, verbose: b
 
 def _accounts(out: Console, accounts: Sequence[Mapping[str, Any]], *, verbose: bool) -> None:
     """One row per source; why a source is not fused stands below, where there is room for a sentence."""
-    table = _table("source", "kind", "use", ">received", ">used", ">gated", ">Hz", ">NIS/dof", "state")
+    table = table_of("source", "kind", "use", ">received", ">used", ">gated", ">Hz", ">NIS/dof", "state")
     for a in accounts:
         cells = (a["source"], a["kind"].lower().replace("_", " "), a["role"].split(":")[0])
         nis = a["nis_per_dof_fused"] if a["used"] else a["nis_per_dof"]
-        counts = (f"{a['received']}", f"{a['used']}", f"{a['by_verdict'].get('gated', 0)}", _number(a["rate_hz"]))
-        table.add_row(*(escape(c) for c in cells), *counts, _number(nis), _state(a))
-    _print_table(out, table)
+        counts = (f"{a['received']}", f"{a['used']}", f"{a['by_verdict'].get('gated', 0)}", number(a["rate_hz"]))
+        table.add_row(*(escape(c) for c in cells), *counts, number(nis), _state(a))
+    print_table(out, table)
     for a in accounts:
         use, _, why = a["role"].partition(": ")
         if why and use != "fused":
@@ -123,43 +121,17 @@ def _scores(out: Console, summary: Mapping[str, Any]) -> None:
     """Sources that were compared and not fused."""
     if not summary["scored"]:
         return
-    table = _table("compared, not fused", ">records", ">RMSE", ">NIS/dof", ">within 95 %")
+    table = table_of("compared, not fused", ">records", ">RMSE", ">NIS/dof", ">within 95 %")
     for name, s in summary["scored"].items():
         unit, scale = ("deg", DEGREES) if s["unit"] == "rad" else (s["unit"], 1.0)
         row = (
             f"{s['records']}",
-            f"{_number(scale * s['rmse'])} {unit}".strip(),
-            _number(s["nis_per_dof"]),
+            f"{number(scale * s['rmse'])} {unit}".strip(),
+            number(s["nis_per_dof"]),
             f"{s['within_95']:.1%}",
         )
         table.add_row(escape(name), *row)
-    _print_table(out, table)
-
-
-def comparison(done: "FileComparison", max_rmse_m: float | None = None, output: Path | None = None) -> None:
-    """Errors of an estimate against a reference."""
-    out, c = console(), done.errors
-    out.print(Text(f"{done.estimate.name or 'estimate'} against {done.reference.name or 'reference'}", "bold"))
-    lost = ", ".join(f"{n} {why}" for why, n in c.lost.items())
-    out.print(Text(f"{c.matched} of {c.of} reference poses compared" + (f" ({lost})" if lost else "")))
-    out.print(Text(f"over {_number(c.span_s)} s and {_number(c.path_m)} m; alignment: {c.alignment.value}"))
-    table = _table("error", ">RMSE", ">mean", ">median", ">95 %", ">largest", ">poses")
-    _errors(table, "horizontal [m]", c.position_2d)
-    if not done.flat:
-        _errors(table, "in space [m]", c.position_3d)
-    _errors(table, "heading [deg]", c.heading, DEGREES)
-    _errors(table, "velocity [m/s]", c.velocity)
-    _errors(table, f"drift in {c.relative_s:g} s [m]", c.relative)
-    _print_table(out, table)
-    if isfinite(c.nees):
-        told = f"NEES/dof {_number(c.nees)} (1 is right), {c.coverage:.1%} of the references inside the 95 % ellipses"
-        out.print(Text(f"stated uncertainty: {told}"))
-    if max_rmse_m is not None and not done.within(max_rmse_m):
-        out.print(
-            Text(f"horizontal RMSE {_number(c.position_2d.rmse)} m is above the limit of {max_rmse_m:g} m", "bold red")
-        )
-    if output is not None:
-        out.print(Text(f"written to {output}"))
+    print_table(out, table)
 
 
 def demo(done: "Demo", folder: Path, *, quiet: bool = False) -> None:
@@ -169,6 +141,8 @@ def demo(done: "Demo", folder: Path, *, quiet: bool = False) -> None:
         return
     out = console()
     out.print()
+    from outrider.cli.scores import comparison
+
     comparison(done.comparison)
     out.print()
     for line in done.invitations(folder):
@@ -179,19 +153,19 @@ def sources(listing: "Listing") -> None:
     """What a log holds."""
     out, listed = console(), listing.as_dict()
     log = listing.log
-    out.print(Text(f"{log.path}: {len(log)} records of {len(log.streams)} sources, {_number(log.duration)} s", "bold"))
-    table = _table("source", "kind", ">records", ">Hz", "frame", "mount", "used as")
+    out.print(Text(f"{log.path}: {len(log)} records of {len(log.streams)} sources, {number(log.duration)} s", "bold"))
+    table = table_of("source", "kind", ">records", ">Hz", "frame", "mount", "used as")
     for s in cast("list[dict[str, Any]]", listed["sources"]):
         cells = (
             s["name"],
             s["kind"].replace("_", " "),
             f"{s['records']}",
-            _number(s["rate_hz"]),
+            number(s["rate_hz"]),
             s["frame"] or NONE,
             s["mount"] or NONE,
         )
         table.add_row(*(escape(str(c)) for c in cells), escape(s["used_for"]) or NONE)
-    _print_table(out, table)
+    print_table(out, table)
     for note in log.notes:
         out.print(Text(f"note: {note}", "dim"))
     if listing.complaint:
@@ -222,13 +196,15 @@ def _paper_table(out: Console, table: Mapping[str, Any]) -> None:
     told = [f"{table['sentence']}." if table["sentence"] else "", table["note"]]
     out.print(Text(" ".join(t for t in told if t)), soft_wrap=True)
     if table["rows"]:
-        _print_table(out, _values(table["rows"]))
+        print_table(out, _values(table["rows"]))
     if table["pairs"]:
-        made = _table("on the same seeds", ">difference", ">95 % of the mean", ">less in", ">p (t)", ">p (W)", ">pairs")
+        made = table_of(
+            "on the same seeds", ">difference", ">95 % of the mean", ">less in", ">p (t)", ">p (W)", ">pairs"
+        )
         for p in table["pairs"]:
-            numbers = (_number(p["mean"]), _between(p), f"{p['wins']:.0%}", _number(p["p_t"], 2))
-            made.add_row(escape(_named(p)), *numbers, _number(p["p_wilcoxon"], 2), f"{p['n']}")
-        _print_table(out, made)
+            numbers = (number(p["mean"]), _between(p), f"{p['wins']:.0%}", number(p["p_t"], 2))
+            made.add_row(escape(_named(p)), *numbers, number(p["p_wilcoxon"], 2), f"{p['n']}")
+        print_table(out, made)
     for row in (*table["rows"], *table["pairs"]):
         if row["note"]:
             out.print(Text(f"  {row['name']}: {row['note']}", "dim"), soft_wrap=True)
@@ -238,7 +214,7 @@ def _values(rows: Sequence[Mapping[str, Any]]) -> Table:
     """Printed and ours; a group has a line of its own."""
     seeded = any(r["ours"] and r["ours"]["n"] for r in rows)
     interval = (">95 % of the mean", ">seeds") if seeded else ()
-    made = _table("value", ">printed", ">ours", *interval, ">ours - printed", "verdict")
+    made = table_of("value", ">printed", ">ours", *interval, ">ours - printed", "verdict")
     group = ""
     for r in rows:
         if r["group"] != group:
@@ -250,9 +226,9 @@ def _values(rows: Sequence[Mapping[str, Any]]) -> Table:
         made.add_row(
             escape(_named(r)),
             f"{sign}{r['printed']}{spread}" if r["printed"] else NONE,
-            _number(ours["mean"], 4),
+            number(ours["mean"], 4),
             *((_between(ours), f"{ours['n']}") if ours["n"] else ("", "") if seeded else ()),
-            _number(r["deviation"], 2) if r["deviation"] is not None else "",
+            number(r["deviation"], 2) if r["deviation"] is not None else "",
             Text(r["sentence"], {"agrees": "green", "differs": "yellow"}.get(r["verdict"], "dim")),
         )
     return made
@@ -263,15 +239,10 @@ def _named(row: Mapping[str, Any]) -> str:
 
 
 def _between(ours: Mapping[str, Any]) -> str:
-    return f"{_number(ours['low'])} to {_number(ours['high'])}" if ours["low"] is not None else NONE
+    return f"{number(ours['low'])} to {number(ours['high'])}" if ours["low"] is not None else NONE
 
 
-def _errors(table: Table, name: str, s: "Statistics", scale: float = 1.0) -> None:
-    if s.n:
-        table.add_row(escape(name), *(_number(scale * v) for v in (s.rmse, s.mean, s.median, s.p95, s.max)), f"{s.n}")
-
-
-def _table(*headings: str) -> Table:
+def table_of(*headings: str) -> Table:
     """A plain table; a heading that begins with > is of a column of numbers."""
     table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False)
     for h in headings:
@@ -279,7 +250,7 @@ def _table(*headings: str) -> Table:
     return table
 
 
-def _print_table(out: Console, table: Table) -> None:
+def print_table(out: Console, table: Table) -> None:
     """With a line before it and no blanks at the ends of its lines."""
     with out.capture() as rendered:
         out.print(table)
@@ -288,7 +259,7 @@ def _print_table(out: Console, table: Table) -> None:
         out.out(Text.from_ansi(line.rstrip()) if out.color_system else line.rstrip(), highlight=False)
 
 
-def _number(value: float | None, digits: int = 3) -> str:
+def number(value: float | None, digits: int = 3) -> str:
     """A few significant digits, no exponent where it can be helped."""
     if value is None or not isfinite(value):
         return NONE

@@ -7,7 +7,7 @@ from typing import Any
 from rich.markup import escape
 from rich.text import Text
 
-from outrider.cli.render import NONE, _number, _print_table, _table, console
+from outrider.cli.render import NONE, console, number, print_table, table_of
 
 VAIN = ("timed_out", "unreachable")  # states of alerts
 
@@ -33,22 +33,24 @@ def run(summary: Mapping[str, Any], folder: Path, *, quiet: bool = False) -> Non
     out.print(Text(text, "bold green" if good else "bold red"))
     if quiet:
         return
-    compiled = f" plus {_number(summary['compile_s'])} s compiling" if summary["compile_s"] > 0.0 else ""
-    took = f"simulated in {_number(summary['wall_s'])} s{compiled}, {_number(summary['times_real_time'])} x real time"
-    out.print(Text(f"{_number(summary['duration_s'])} s, {summary['log']['records']} records, {took}"))
-    table = _table("robot", "moves by", ">distance", ">top speed", ">clearance", "to", ">fence", ">own estimate, RMSE")
+    compiled = f" plus {number(summary['compile_s'])} s compiling" if summary["compile_s"] > 0.0 else ""
+    took = f"simulated in {number(summary['wall_s'])} s{compiled}, {number(summary['times_real_time'])} x real time"
+    out.print(Text(f"{number(summary['duration_s'])} s, {summary['log']['records']} records, {took}"))
+    table = table_of(
+        "robot", "moves by", ">distance", ">top speed", ">clearance", "to", ">fence", ">own estimate, RMSE"
+    )
     for name, r in summary["robots"].items():
         near, fence, own = r["clearance"], r["fence"], r["estimate"]
         table.add_row(
-            escape(name), escape(f"{r['vehicle']}, {r['driven_by']}"), f"{_number(r['distance_m'])} m",
-            f"{_number(r['top_speed_m_s'])} m/s", f"{_number(near['distance_m'])} m" if near else NONE,
+            escape(name), escape(f"{r['vehicle']}, {r['driven_by']}"), f"{number(r['distance_m'])} m",
+            f"{number(r['top_speed_m_s'])} m/s", f"{number(near['distance_m'])} m" if near else NONE,
             escape(f"{near['to']}, {near['t_s']:.1f} s" if near else NONE),
-            f"{_number(fence['distance_m'])} m" if fence else NONE, f"{_number(own['rmse_m'])} m" if own else NONE,
+            f"{number(fence['distance_m'])} m" if fence else NONE, f"{number(own['rmse_m'])} m" if own else NONE,
         )  # fmt: skip
-    _print_table(out, table)
+    print_table(out, table)
     for name, r in summary["robots"].items():
         if r["fence"] and r["fence"]["distance_m"] < 0.0:
-            out.print(Text(f"{name} left the fence, by {_number(-r['fence']['distance_m'])} m at worst", "yellow"))
+            out.print(Text(f"{name} left the fence, by {number(-r['fence']['distance_m'])} m at worst", "yellow"))
     for name, r in summary["robots"].items():
         for goal in r["goals"]:
             out.print(_goal(name, goal))
@@ -57,7 +59,7 @@ def run(summary: Mapping[str, Any], folder: Path, *, quiet: bool = False) -> Non
             out.print(Text(what, "dim"))
     for s in summary["separations"]:
         pair = " and ".join(s["robots"])
-        out.print(Text(f"{pair} came within {_number(s['distance_m'])} m of each other, after {s['t_s']:.1f} s"))
+        out.print(Text(f"{pair} came within {number(s['distance_m'])} m of each other, after {s['t_s']:.1f} s"))
     if mission:
         _mission(mission)
     sent = summary["messages"]["sent"]
@@ -72,7 +74,7 @@ def run(summary: Mapping[str, Any], folder: Path, *, quiet: bool = False) -> Non
 def _mission(mission: Mapping[str, Any]) -> None:
     """What became of every alert, and what the robots are about."""
     out = console()
-    table = _table(">alert", "at", "from", ">raised", "robot", ">sent", ">there", ">response", ">way", ">driven", "end")
+    table = table_of(">alert", "at", "from", ">raised", "robot", ">sent", ">there", ">response", ">way", ">driven", "end")
     for a in mission["alerts"]:
         table.add_row(
             str(a["alert"]), f"({a['east_m']:.1f}, {a['north_m']:.1f})", escape(a["source"] or NONE),
@@ -81,7 +83,7 @@ def _mission(mission: Mapping[str, Any]) -> None:
             Text(a["text"], "" if a["state"] == "observed" else "yellow" if a["state"] not in VAIN else "red"),
         )  # fmt: skip
     if mission["alerts"]:
-        _print_table(out, table)
+        print_table(out, table)
     for name, r in mission["robots"].items():
         out.print(Text(f"{name}: {r['duty']['text']}, battery at {100.0 * r['battery']:.0f} %"))
     if mission["bad_lines"]:
@@ -103,8 +105,8 @@ def _goal(name: str, goal: Mapping[str, Any]) -> Text:
     where = f"{name} to ({goal['east_m']:g}, {goal['north_m']:g})"
     if goal["outcome"] != "arrived":
         return Text(f"{where}: {goal['outcome']}: {goal['reason']}", "yellow")
-    parts = f"estimate {_number(goal['of_estimate_m'])} m, control {_number(goal['of_control_m'])} m"
-    return Text(f"{where}: arrived after {goal['t_s']:.1f} s, {_number(goal['error_m'])} m off ({parts})")
+    parts = f"estimate {number(goal['of_estimate_m'])} m, control {number(goal['of_control_m'])} m"
+    return Text(f"{where}: arrived after {goal['t_s']:.1f} s, {number(goal['error_m'])} m off ({parts})")
 
 
 def _invitation(summary: Mapping[str, Any], folder: Path) -> str:

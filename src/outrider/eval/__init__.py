@@ -1,8 +1,8 @@
 """How good an estimate is: errors against a reference, honesty of its covariance, drift through outages."""
 
-from outrider.eval.align import Alignment, Rigid, align
-from outrider.eval.associate import Association, associate
-from outrider.eval.compare import Comparison, compare
+from outrider.eval.align import Alignment, Similarity, align
+from outrider.eval.associate import Association, associate, associate_nearest
+from outrider.eval.compare import Comparison, Drift, compare, compare_pairs, pairs_of
 from outrider.eval.consistency import (
     Test,
     average_bounds,
@@ -23,11 +23,12 @@ from outrider.eval.metrics import (
 )
 from outrider.eval.outage import OutageScore, outage_windows, score_outages
 from outrider.eval.paired import Paired, Summary, bootstrap, corrected, paired, summary, wilcoxon
+from outrider.eval.spans import Span, Unit
 
 __all__ = [
-    "Alignment", "Association", "Comparison", "OutageScore", "Paired", "Rigid", "Statistics", "Summary", "Test",
-    "align", "associate", "average_bounds", "average_test", "bootstrap", "chi_square", "compare", "corrected",
-    "effective_samples", "ellipse_coverage", "family_level", "heading_errors", "outage_windows", "paired",
-    "pose_errors", "position_errors", "relative_errors", "score_outages", "statistics", "summary", "velocity_errors",
-    "wilcoxon",
+    "Alignment", "Association", "Comparison", "Drift", "OutageScore", "Paired", "Similarity", "Span", "Statistics",
+    "Summary", "Test", "Unit", "align", "associate", "associate_nearest", "average_bounds", "average_test",
+    "bootstrap", "chi_square", "compare", "compare_pairs", "corrected", "effective_samples", "ellipse_coverage",
+    "family_level", "heading_errors", "outage_windows", "paired", "pairs_of", "pose_errors", "position_errors",
+    "relative_errors", "score_outages", "statistics", "summary", "velocity_errors", "wilcoxon",
 ]  # fmt: skip

@@ -56,6 +56,31 @@ def associate(estimate: Trajectory, reference: Trajectory, *, max_gap_s: float =
     return Association(estimate=_interpolated(estimate, i[keep], j[keep], there.t), reference=there, lost=lost)
 
 
+def associate_nearest(estimate: Trajectory, reference: Trajectory, *, max_diff_s: float) -> Association:
+    """Pair poses as they are, without interpolation: those of the shorter trajectory with the nearest of the longer.
+
+    Where two are equally near, the earlier one is taken. A pose without another within `max_diff_s` [s] is lost, and so
+    is one that is not finite or declared invalid.
+    """
+    if len(estimate) == 0 or len(reference) == 0:
+        raise DataError("a trajectory without poses cannot be compared", where=estimate.name or reference.name)
+    shorter = len(estimate) < len(reference)
+    few, many = (estimate, reference) if shorter else (reference, estimate)
+    i, j = _neighbours(many.t, few.t)
+    at = np.where(np.abs(few.t - many.t[i]) <= np.abs(many.t[j] - few.t), i, j)
+    near = np.abs(many.t[at] - few.t) <= max_diff_s * 1e9
+    good = near & _usable(few) & _usable(many)[at]
+    rows = {True: np.flatnonzero(good), False: at[good]}  # of the shorter one, of the longer one
+    lost = {f"farther than {max_diff_s:g} s": int((~near).sum()), "not finite or invalid": int((near & ~good).sum())}
+    return Association(
+        estimate=_rows(estimate, rows[shorter]), reference=_rows(reference, rows[not shorter]), lost=lost
+    )
+
+
+def _usable(x: Trajectory) -> Bools:
+    return _finite(x.p) & x.valid if x.valid.size else _finite(x.p)
+
+
 def _finite(rows: Floats) -> Bools:
     return np.asarray(np.isfinite(rows).all(axis=1))
 
@@ -67,7 +92,7 @@ def _neighbours(t: Ints, at: Ints) -> tuple[Ints, Ints]:
     return i, np.where(t[i] == at, i, np.minimum(i + 1, last))
 
 
-def _rows(x: Trajectory, keep: Bools) -> Trajectory:
+def _rows(x: Trajectory, keep: Bools | Ints) -> Trajectory:
     optional = {name: column[keep] for name in ("v", "P", "valid") if (column := getattr(x, name)).shape[0]}
     return replace(x, t=x.t[keep], p=x.p[keep], q=x.q[keep], **optional)
 

@@ -8,6 +8,7 @@ import numpy as np
 from outrider.core.angles import wrap_all
 from outrider.core.rotations import quats_conjugate, quats_log, quats_multiply, quats_to_matrices
 from outrider.eval.associate import Association
+from outrider.eval.spans import Span, span_ends
 from outrider.typing import Floats
 
 
@@ -66,19 +67,12 @@ def pose_errors(pairs: Association) -> Floats:
     return np.hstack([reference.p - estimate.p, turn])
 
 
-def relative_errors(pairs: Association, delta_s: float = 10.0) -> tuple[Floats, Floats]:
-    """Relative pose error over `delta_s` [s]: drift of position (k, 3) m, in the body at the start, and angle (k,) rad.
+def relative_errors(pairs: Association, span: Span | float = 10.0) -> tuple[Floats, Floats]:
+    """Relative pose error over a span (number: seconds): drift (k, 3) m, in the body at the start; angle (k,) rad.
 
-    E = (R_ref_i' [p_ref_j - p_ref_i]) - (R_i' [p_j - p_i]) for the first common stamp j at least delta_s after i; spans
-    more than half as long again (a gap) are left out.
+    E = (R_ref_i' [p_ref_j - p_ref_i]) - (R_i' [p_j - p_i]), with i and j as `span_ends` has them.
     """
-    t = pairs.reference.t
-    span = round(delta_s * 1e9)
-    j = np.searchsorted(t, t + span)
-    i = np.flatnonzero(j < t.size)
-    j = j[i]
-    near = t[j] - t[i] <= 1.5 * span
-    i, j = i[near], j[near]
+    i, j = span_ends(pairs.reference, span if isinstance(span, Span) else Span(span))
 
     def moved(p: Floats, q: Floats) -> tuple[Floats, Floats]:
         p_body = np.einsum("nji,nj->ni", quats_to_matrices(q[i]), p[j] - p[i])

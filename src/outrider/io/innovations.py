@@ -8,6 +8,7 @@ import numpy as np
 
 from outrider.data import Innovations, Run, Verdict
 from outrider.io.files import replacing
+from outrider.typing import Floats, Ints
 
 CHUNK: Final = 1 << 17  # records written at a time: memory stays constant however long the log is
 
@@ -60,3 +61,29 @@ def _columns(source: str, i: Innovations) -> Iterator[dict[str, Any]]:
                 "dof": i.dof[rows].astype(np.int8),
                 "verdict": DictionaryArray.from_arrays(i.verdict[rows].astype(np.int32), verdicts),
             }
+
+
+def read_nis(path: Path) -> dict[str, tuple[Floats, Ints]]:
+    """By source: NIS (n,) and degrees of freedom (n,) of the records that were used, or compared only.
+
+    Empty for a file that is not there: an older run.
+    """
+    if not path.is_file():
+        return {}
+    from pyarrow import parquet
+
+    with path.open("rb") as f:
+        table = parquet.read_table(f, columns=["source", "component", "nis", "dof", "verdict"])
+    source, component, verdict = (
+        np.asarray(table[name].cast("string").to_pylist(), object) for name in ("source", "component", "verdict")
+    )
+    judged = (verdict == "used") | (verdict == "withheld")
+    nis, dof = table["nis"].to_numpy().astype(np.float64), table["dof"].to_numpy().astype(np.int64)
+    out: dict[str, tuple[Floats, Ints]] = {}
+    for name in dict.fromkeys(source.tolist()):
+        rows = judged & (source == name)
+        if not rows.any():
+            continue
+        rows &= component == component[rows][0]  # each record once
+        out[str(name)] = nis[rows], dof[rows]
+    return out

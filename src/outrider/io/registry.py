@@ -114,7 +114,7 @@ def check_input(
     name = detect(path)
     if mapping is None:
         if name == "csv" and _columns(path).startswith("its columns are Timestamp, state[0]"):
-            raise DataError("is an estimate of EKF2, not its log", where=str(path), fix="`outrider compare` reads it")
+            raise DataError("is an estimate of EKF2, not its log", where=str(path), fix="`outrider eval` reads it")
         if name == "csv":
             raise DataError("a CSV needs a mapping that says what its columns are", where=str(path), fix=_columns(path))
         return name

@@ -27,9 +27,10 @@ def write_tum(trajectory: Trajectory, path: Path, *, force: bool = False) -> Non
 
 
 def read_tum(path: Path) -> Trajectory:
-    """Read poses, sorted by stamp; a damaged line or a repeated stamp is left out.
+    """Read poses; a damaged line is left out.
 
-    Raises `DataError` for a file without any pose, and where names or numbers tell of another order of the columns.
+    Raises `DataError` for a file without any pose, where time stands still or runs backwards from one pose to the next,
+    and where names or numbers tell of another order of the columns.
     """
     texts: list[str] = []
     rows: list[list[float]] = []
@@ -51,12 +52,15 @@ def read_tum(path: Path) -> Trajectory:
     poses = np.array(rows, np.float64).reshape(-1, 7)[good]
     if not len(poses):
         raise DataError(_why_none(widths, texts, unturned), where=str(path), fix=A_LINE)
-    t, first = np.unique(t[good], return_index=True)
-    q = poses[first, 3:]
+    t, q = t[good], poses[:, 3:]
+    if (still := np.diff(t) <= 0).any():
+        k = int(np.flatnonzero(still)[0]) + 1
+        what = "has two poses at one time" if t[k] == t[k - 1] else "goes back in time"
+        raise DataError(f"{what}: pose {k + 1} of {t.size}", where=str(path), fix="sort it, each stamp once")
     length = np.linalg.norm(q, axis=1, keepdims=True)
     if not 0.5 < (typical := float(np.median(length))) < 2.0:  # the last four are no quaternion
         raise DataError(f"its quaternions have length {typical:.3g}, not 1", where=str(path), fix=A_LINE)
-    return Trajectory(t=t, p=poses[first, :3], q=q / length, name=path.stem)
+    return Trajectory(t=t, p=poses[:, :3], q=q / length, name=path.stem)
 
 
 def _numbers(cells: list[str]) -> list[float] | None:

@@ -72,7 +72,7 @@ def _error(ax: Axes, t: Floats, error: Floats, limit: Floats) -> bool:
 def compare_figures(
     estimate: Trajectory, reference: Trajectory, *, names: tuple[str, str] = ("estimate", "reference")
 ) -> dict[str, Figure]:
-    """The figures of `outrider compare`: "map" with both tracks and, where they overlap in time, "error" over time."""
+    """The figures of `outrider eval`: "map" with both tracks and, where they overlap in time, "error" over time."""
     figures = {"map": two_tracks(estimate, reference, names)}
     error = error_figure(estimate, reference)
     return figures if error is None else {**figures, "error": error}

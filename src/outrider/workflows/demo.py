@@ -11,8 +11,8 @@ from outrider.io.record import write_recording
 from outrider.io.runs import ensure_free
 from outrider.io.tum import write_tum
 from outrider.sim import demo_log
-from outrider.workflows.compare import FileComparison, compare_trajectories
 from outrider.workflows.config import FuseConfig
+from outrider.workflows.evaluate import FileComparison, compare_trajectories
 from outrider.workflows.fuse import fuse
 from outrider.workflows.fuse_file import Input, document, save
 from outrider.workflows.summary import exit_code

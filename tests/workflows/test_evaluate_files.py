@@ -9,10 +9,19 @@ import pytest
 from outrider.core.geodesy import enu_to_geodetic
 from outrider.data import Datum, Trajectory
 from outrider.errors import DataError, OutputExistsError, UsageError
+from outrider.eval import Alignment
 from outrider.io.folders import read_marker
 from outrider.io.trajectories import write_table
 from outrider.io.tum import write_tum
-from outrider.workflows.compare import MARKER, SCHEMA, at_datum, compare_files, compare_trajectories
+from outrider.workflows.evaluate import (
+    MARKER,
+    SCHEMA,
+    Rules,
+    alignment_named,
+    at_datum,
+    compare_trajectories,
+    evaluate_files,
+)
 
 SITE = Datum(lat=0.8, lon=0.2, alt=300.0)
 
@@ -29,12 +38,13 @@ def test_a_known_shift_is_the_error(tmp_path: Path) -> None:
     estimate, reference = tmp_path / "estimate.tum", tmp_path / "reference.csv"
     write_tum(replace(path_of(), p=path_of().p + np.array([3.0, 4.0, 0.0])), estimate)
     write_table(path_of(), reference)
-    done = compare_files(estimate, reference)
+    (done,) = evaluate_files([estimate], reference).of
     assert done.errors.position_2d.rmse == pytest.approx(5.0, abs=1e-6) and done.errors.heading.rmse < 1e-6
     assert done.within(None) and done.within(5.1) and not done.within(4.9) and not done.flat
-    assert compare_files(estimate, reference, align="yaw").errors.position_2d.rmse < 1e-6
-    document = done.as_dict()
-    assert document["schema"] == SCHEMA and document["estimate"] == "estimate"
+    aligned = evaluate_files([estimate], reference, Rules(alignment=Alignment.YAW))
+    assert aligned.of[0].errors.position_2d.rmse < 1e-6 and aligned.within(1e-6)
+    document = aligned.as_dict()
+    assert document["schema"] == SCHEMA and document["estimates"][0]["estimate"] == "estimate"
 
 
 def test_another_datum_is_the_same_place() -> None:
@@ -57,14 +67,15 @@ def test_results_are_complete_or_absent(tmp_path: Path) -> None:
     a = tmp_path / "a.tum"
     write_tum(path_of(), a)
     out = tmp_path / "out"
-    compare_files(a, a, output=out)
-    assert sorted(p.name for p in out.iterdir()) == [MARKER, "error.png", "map.png"]
-    assert read_marker(out, MARKER, SCHEMA)["position_2d"]["rmse"] == 0.0
+    evaluate_files([a], a, output=out)
+    assert sorted(p.name for p in out.iterdir()) == ["error.png", MARKER, "evo.zip", "map.png"]
+    assert read_marker(out, MARKER, SCHEMA)["estimates"][0]["position_2d"]["rmse"] == 0.0
     with pytest.raises(OutputExistsError):
-        compare_files(a, a, output=out)
-    compare_files(a, a, output=out, force=True)
+        evaluate_files([a], a, output=out)
+    evaluate_files([a, a], a, output=out, force=True)
+    assert {p.name for p in out.iterdir()} >= {"1-a-map.png", "2-a-evo.zip"}
     with pytest.raises(DataError):
-        compare_files(a, tmp_path / "none.tum", output=tmp_path / "more")
+        evaluate_files([a], tmp_path / "none.tum", output=tmp_path / "more")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.tum", "out"]
 
 
@@ -72,9 +83,20 @@ def test_impossible_wishes(tmp_path: Path) -> None:
     a, later = tmp_path / "a.tum", tmp_path / "later.tum"
     write_tum(path_of(), a)
     write_tum(replace(path_of(), t=path_of().t + 10**12), later)
-    with pytest.raises(UsageError, match="none, yaw, se2, se3"):
-        compare_files(a, a, align="affine")
+    with pytest.raises(UsageError, match="none, yaw, se2, se3, sim3"):
+        alignment_named("affine")
     with pytest.raises(UsageError, match="zero"):
-        compare_files(a, a, max_gap_s=float("nan"))
+        Rules(max_gap_s=float("nan"))
     with pytest.raises(DataError, match="no common stamps"):
-        compare_files(a, later)
+        evaluate_files([a], later)
+
+
+def test_time_that_runs_backwards_or_stands_still_gives_no_figure(tmp_path: Path) -> None:
+    a, damaged = tmp_path / "a.tum", tmp_path / "damaged.tum"
+    write_tum(path_of(), a)
+    lines = a.read_text().splitlines()
+    for order, words in (([3, 2, 4, 5], "back in time"), ([1, 2, 2, 3], "two poses at one time")):
+        damaged.write_text("\n".join(lines[k] for k in order) + "\n")
+        for pair in (([damaged], a), ([a], damaged)):
+            with pytest.raises(DataError, match=words):
+                evaluate_files(*pair)
