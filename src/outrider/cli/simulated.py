@@ -74,7 +74,8 @@ def run(summary: Mapping[str, Any], folder: Path, *, quiet: bool = False) -> Non
 def _mission(mission: Mapping[str, Any]) -> None:
     """What became of every alert, and what the robots are about."""
     out = console()
-    table = table_of(">alert", "at", "from", ">raised", "robot", ">sent", ">there", ">response", ">way", ">driven", "end")
+    shown = (">alert", "at", "from", ">raised", "robot", ">sent", ">there", ">response", ">way", ">driven", "end")
+    table = table_of(*shown)
     for a in mission["alerts"]:
         table.add_row(
             str(a["alert"]), f"({a['east_m']:.1f}, {a['north_m']:.1f})", escape(a["source"] or NONE),
