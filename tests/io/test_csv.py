@@ -113,7 +113,7 @@ def test_no_usable_row_is_no_log(tmp_path: Path) -> None:
 
 def test_the_mapping_has_a_schema() -> None:
     schema = CsvMapping.model_json_schema()
-    assert set(schema["required"]) == {"time", "streams"} and schema["additionalProperties"] is False
+    assert set(schema["required"]) == {"streams"} and schema["additionalProperties"] is False
 
 
 @given(st.integers(-(2**61), 2**61))

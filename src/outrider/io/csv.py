@@ -20,16 +20,17 @@ streams:
 ```
 A row takes part in every stream whose columns it fills; blank means absent. Cells that are not numbers are counted as
 malformed, never fatal; a column that is not there is. Columns of a kind that are not mapped are NaN (not measured).
-Where a kind has a quaternion, `yaw` (and `roll`, `pitch`) may stand instead.
+Where a kind has a quaternion, `yaw` (and `roll`, `pitch`) may stand instead. A stream may have a `time` of its own, and
+`increments: true` where its columns are sums since the row before. Arrays are read likewise: `outrider.io.arrays`.
 """
 
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal, final
+from typing import Literal, cast, final
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from outrider.core.attitudes import rpy_to_quats
 from outrider.core.frames import heading_from_azimuth, ned_to_enu, quat_ned_frd_to_enu_flu
@@ -84,6 +85,8 @@ class StreamColumns(_Strict):
     extra: dict[str, str] = Field(default_factory=dict, description="further columns, e.g. fix, satellites, hdop")
     values: dict[str, dict[Number, Number]] = Field(default_factory=dict, description="codes of the file -> ours")
     robot: str | None = None
+    time: TimeColumn | None = Field(None, description="stamps of this stream, where they are not those of the file")
+    increments: bool = Field(False, description="the columns hold what was added since the row before: made rates")
 
     @field_validator("kind")
     @classmethod
@@ -112,8 +115,19 @@ class CsvMapping(_Strict):
 
     delimiter: str = Field(",", min_length=1, max_length=1)
     names: list[str] | None = Field(None, description="column names of a file without a header line")
-    time: TimeColumn
+    time: TimeColumn | None = None
     streams: dict[str, StreamColumns] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _every_stream_has_stamps(self) -> "CsvMapping":
+        untimed = [name for name, s in self.streams.items() if s.time is None]
+        if self.time is None and untimed:
+            raise ValueError(f"no stamps for stream {untimed[0]} (write `time: {{column: NAME}}` here or there)")
+        return self
+
+    def stamps(self, s: StreamColumns) -> TimeColumn:
+        """Where the stamps of a stream are."""
+        return cast("TimeColumn", s.time or self.time)
 
 
 def load_mapping(path: Path) -> CsvMapping:
@@ -134,16 +148,17 @@ def read_csv(
     """Read a CSV by a mapping file. Streams carry the names the mapping gives them."""
     how = mapping if isinstance(mapping, CsvMapping) else load_mapping(mapping)
     header = header_of(ensure_readable(path), how.delimiter, how.names)
-    for key, column in _wanted(how).items():
+    for key, column in wanted(how).items():
         if column not in header.names:
             fix = _other_delimiter(header) or closest(column, header.names)
             raise ConfigError(f"no column '{column}' for {key}", where=str(path), fix=fix)
     tests = {c for s in how.streams.values() for c in s.where}
-    stamps = {c: how.time.unit for c in (how.time.column, how.time.arrival) if c is not None}
-    numbers = {c for key, c in _wanted(how).items() if key.startswith("streams.") and ".where." not in key}
+    times = [how.stamps(s) for s in how.streams.values()]
+    stamps = {c: t.unit for t in times for c in (t.column, t.arrival) if c is not None}
+    numbers = {c for key, c in wanted(how).items() if key.startswith("streams.") and ".where." not in key}
     rows = read_rows(path, header, numbers=sorted(numbers), texts=sorted(tests), stamps=stamps, progress=progress)
-    streams = [_stream(name, s, rows, how.time, robot) for name, s in how.streams.items()]
-    unstamped = int((~rows.stamps[how.time.column][1]).sum())
+    streams = [stream_of(name, s, rows, how.stamps(s), robot) for name, s in how.streams.items()]
+    unstamped = max(int((~rows.stamps[t.column][1]).sum()) for t in times)
     notes = [f"{rows.ragged} rows have too many or too few cells and were left out"] if rows.ragged else []
     notes += [f"{unstamped} rows have no readable stamp and were left out"] if unstamped else []
     return assemble(path, streams, notes=notes, topics=topics, start_s=start_s, end_s=end_s)
@@ -155,11 +170,12 @@ def _other_delimiter(header: Header) -> str:
     return f"its columns seem to be apart by {found[0]!r}: write `delimiter: {json.dumps(found[0])}`" if found else ""
 
 
-def _wanted(how: CsvMapping) -> dict[str, str]:
+def wanted(how: CsvMapping) -> dict[str, str]:
     """Key in the mapping -> column of the file, for every column that is asked for."""
-    out = {"time": how.time.column}
-    if how.time.arrival is not None:
-        out["time.arrival"] = how.time.arrival
+    out: dict[str, str] = {}
+    for key, time in (("time", how.time), *((f"stamps of {n}", s.time) for n, s in how.streams.items())):
+        if time is not None:
+            out |= {key: time.column} | ({f"{key}.arrival": time.arrival} if time.arrival is not None else {})
     for name, s in how.streams.items():
         pairs = [*s.columns.items(), *s.extra.items(), *((f"where.{c}", c) for c in s.where)]
         pairs += [(f"sigma.{c}", c) for c in s.sigma if isinstance(c, str)] if isinstance(s.sigma, list) else []
@@ -173,7 +189,7 @@ def _wanted(how: CsvMapping) -> dict[str, str]:
     return out
 
 
-def _stream(name: str, s: StreamColumns, rows: Rows, time: TimeColumn, robot: str) -> Stream:
+def stream_of(name: str, s: StreamColumns, rows: Rows, time: TimeColumn, robot: str) -> Stream:
     """The rows that belong to one stream, in our units and frames."""
     kind, theirs = Kind[s.kind], list(s.columns.values())
     t, mine = rows.stamps[time.column]
@@ -182,7 +198,8 @@ def _stream(name: str, s: StreamColumns, rows: Rows, time: TimeColumn, robot: st
     for column, value in s.where.items():
         mine = mine & _equal(rows.texts[column], value)
     keep = np.flatnonzero(mine & filled & ~broken)
-    given = {ours: rows.numbers[c][keep] * UNITS[s.units.get(ours, "1")] for ours, c in s.columns.items()}
+    t, keep, dt = _intervals(t, keep) if s.increments else (t, keep, np.ones(keep.size))
+    given = {ours: rows.numbers[c][keep] * UNITS[s.units.get(ours, "1")] / dt for ours, c in s.columns.items()}
     z = _ours(kind, s, given, keep.size)
     received = t if time.arrival is None else np.where(rows.stamps[time.arrival][1], rows.stamps[time.arrival][0], t)
     extra = {ours: _translated(rows.numbers[c][keep], s.values.get(ours, {})) for ours, c in s.extra.items()}
@@ -199,6 +216,15 @@ def _stream(name: str, s: StreamColumns, rows: Rows, time: TimeColumn, robot: st
         frame=s.frame_id,
         altitude=Altitude[s.altitude],
     )
+
+
+def _intervals(t: Ints, keep: Ints) -> tuple[Ints, Ints, Floats]:
+    """Stamps in the middle between rows that are kept, the rows that have one before them, and the time between [s]."""
+    step = np.diff(t[keep])
+    later = step > 0
+    middle = t.copy()
+    middle[keep[1:]] -= step // 2
+    return middle, keep[1:][later], step[later] * 1e-9
 
 
 def _moved(t: Ints, time: TimeColumn) -> Ints:

@@ -25,9 +25,11 @@ READERS = {  # format -> module and function
 }
 SUPPORTED = (
     "ROS 1 .bag, ROS 2 bag (directory, .db3, .mcap), PX4 .ulg, ArduPilot .bin and .tlog, EKF2 replay .csv, "
-    "GNSS receivers (NMEA, UBX), RTKLIB .pos, Open Drone ID .pcap, CARMEN .clf, any .csv with a mapping"
+    "GNSS receivers (NMEA, UBX), RTKLIB .pos, Open Drone ID .pcap, CARMEN .clf; "
+    ".csv, .npy, .npz and .mat with a mapping"
 )
 PACKED = (b"BZh", b"\x1f\x8b")
+ARRAYS = (b"\x93NUMPY", b"MATLAB 5.0", b"MATLAB 7.3", b"\x89HDF")
 MAGIC = (
     (b"#ROSBAG V2.0", "ros1 bag"),
     (b"\x89MCAP0\r\n", "mcap"),
@@ -65,6 +67,8 @@ def detect(path: Path) -> str:
         raise DataError("is a directory, but not a ROS 2 bag", where=str(path), fix="name the log file inside it")
     with ensure_readable(path).open("rb") as f:
         head = f.read(4096)
+    if head.startswith(ARRAYS) or (path.suffix.lower() in (".mat", ".npz") and b"$" not in head[:1]):
+        return "arrays"
     if head.startswith(PACKED):
         return _packed(path)
     for magic, name in (*MAGIC, *((c, "remote id") for c in CAPTURES)):
@@ -111,15 +115,18 @@ def check_input(
         told = f"--start {start_s:g} " if start_s is not None else ""
         what = "ends before it starts" if start_s is not None else "is before the log begins"
         raise UsageError(what, where=f"{told}--end {end_s:g}", fix="both count from the log's first event, in seconds")
-    name = detect(path)
+    name = "arrays" if mapping is not None and is_directory(path) else detect(path)
     if mapping is None:
         if name == "csv" and _columns(path).startswith("its columns are Timestamp, state[0]"):
             raise DataError("is an estimate of EKF2, not its log", where=str(path), fix="`outrider eval` reads it")
         if name == "csv":
-            raise DataError("a CSV needs a mapping that says what its columns are", where=str(path), fix=_columns(path))
+            what = "a CSV needs a mapping that says what its columns are"
+            raise DataError(what, where=str(path), fix=_columns(path))
+        if name == "arrays":
+            raise DataError("arrays need a mapping that says what they are", where=str(path), fix=_arrays(path))
         return name
-    if name not in ("csv", "ekf2 replay"):
-        raise UsageError(f"a mapping is for CSV files, this is {name}", where=str(path), fix="leave the mapping out")
+    if name not in ("csv", "ekf2 replay", "arrays"):
+        raise UsageError(f"a mapping is for tables, this is {name}", where=str(path), fix="leave the mapping out")
     from outrider.io.csv import load_mapping
 
     load_mapping(mapping)
@@ -139,19 +146,29 @@ def read_log(
     """Read a log of any supported format.
 
     robot : name given to the records;  topics : stream names or patterns, all by default;  start_s, end_s : seconds
-    since the log's first event;  progress : called with (bytes done, bytes in all);  mapping : makes a CSV readable.
+    since the log's first event;  progress : called with (bytes done, bytes in all);  mapping : makes tables and arrays
+    readable.
 
     Raises `DataError` if the file is missing, empty, of no known kind, damaged beyond reading, or without any record.
     """
     path = Path(path)
     name = check_input(path, start_s=start_s, end_s=end_s, mapping=mapping)
     if mapping is not None:
+        from outrider.io.arrays import read_arrays
         from outrider.io.csv import read_csv
 
-        return read_csv(path, mapping, robot=robot, topics=topics, start_s=start_s, end_s=end_s, progress=progress)
+        read = read_arrays if name == "arrays" else read_csv
+        return read(path, mapping, robot=robot, topics=topics, start_s=start_s, end_s=end_s, progress=progress)
     module, function = READERS[name]
     reader: Callable[..., EventLog] = getattr(import_module(f"outrider.io.{module}"), function)
     return reader(path, robot=robot, topics=topics, start_s=start_s, end_s=end_s, progress=progress)
+
+
+def _arrays(path: Path) -> str:
+    from outrider.io.arrays import Arrays
+
+    names = Arrays.of(path).names()
+    return f"it holds {', '.join(names[:12])}{', ...' if len(names) > 12 else ''}" if names else "it holds none"
 
 
 def _columns(path: Path) -> str:

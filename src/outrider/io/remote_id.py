@@ -188,15 +188,15 @@ def _nibble(codes: Floats, shift: int, table: Sequence[float], sigmas: float = I
 
 def _own_time(arrival: Ints, tenths: Floats, notes: list[str], name: str) -> Ints:
     """(n,) Unix ns: tenths of seconds since the hour, in the hour that brings them next to the capture's clock."""
-    known = np.asarray(tenths <= UNKNOWN_TENTHS)
-    since = np.where(known, tenths, 0).astype(np.int64) * 10**8
+    known = np.flatnonzero(tenths <= UNKNOWN_TENTHS)
+    since = np.where(tenths <= UNKNOWN_TENTHS, tenths, 0).astype(np.int64) * 10**8
     hours = np.round((arrival - since) / HOUR).astype(np.int64)
     own = hours * HOUR + since
-    off = np.abs(own - arrival)[np.flatnonzero(known)]
-    if not known.any() or np.median(off) > TRUSTED:
+    off: Ints = np.abs(own - arrival)
+    if not known.size or np.median(off[known]) > TRUSTED:
         notes.append(f"{name} tells no time of its own that fits the capture's: stamps are those of the capture")
         return arrival
-    return np.where(known, own, arrival)
+    return np.where(tenths <= UNKNOWN_TENTHS, own, arrival)
 
 
 def _operator(drone: Drone) -> Stream:
@@ -205,6 +205,6 @@ def _operator(drone: Drone) -> Stream:
     places = np.array([PLACE.unpack_from(m, 1) for _, m in drone.system], np.float64)
     heights = _altitude(np.array([int.from_bytes(m[17:19], "little") for _, m in drone.system], np.float64))
     known = places.any(axis=1) & (np.abs(places) <= [900_000_000, 1_800_000_000]).all(axis=1)
-    lat, lon = np.where(known[:, None], places * E7, np.nan).T
+    lat, lon = np.where(np.column_stack([known, known]), places * E7, np.nan).T
     kind = np.array([[m[0] & 3] for _, m in drone.system], np.float64)  # 0 take-off, 1 live, 2 fixed
     return stream("operator", Kind.STATUS, t, kind, extra={"lat": lat, "lon": lon, "alt": heights})
