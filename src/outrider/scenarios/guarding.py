@@ -121,6 +121,7 @@ def _robot(k: int) -> dict[str, Any]:
             "type": "patrol",
             "stops": list(ROUNDS[k]),
             "dock": dock["name"],
-            "drive": {"driver": {"patience_s": 90.0}},
+            "drive": {"driver": {"patience_s": 90.0}, "local": {"type": "teb", "reach": 6.0, "ways": 2}},
+            "period_s": 0.2,
         },
     }

@@ -19,8 +19,9 @@ from outrider.typing import Floats
 
 SAID_S: Final = 0.5  # s between two messages about oneself
 REPEATS_S: Final = 10.0  # s for which a report is said again
-LOOK_AHEAD: Final = 6.0  # m of path within which a passage is asked for
-WAIT_BEFORE: Final = 2.5  # m of path to a passage at which the robot waits: others come out past it
+LOOK_AHEAD: Final = 8.0  # m of path within which a passage is asked for
+WAIT_BEFORE: Final = 3.0  # m to a passage at which the robot waits: others come out past it
+REACTION_S: Final = 0.4  # s until a robot brakes
 GRANTED_S: Final = 2.0  # s for which a grant holds that is not said again
 
 
@@ -134,18 +135,23 @@ class Patrol:
         if self._wanted != self._granted[0]:
             self._granted = (-1, 0)  # a grant is for one way through
         granted = self._wanted == self._granted[0] and t - self._granted[1] < GRANTED_S * 1e9
-        return self._wanted >= 0 and 0.0 < gap < WAIT_BEFORE and not granted
+        v, limits = float(np.hypot(*here.v[:2])), self.body.driver.limits
+        stop = v * v / (2.0 * limits.acceleration) + v * REACTION_S
+        return self._wanted >= 0 and 0.0 < gap < WAIT_BEFORE + stop and not granted
 
     def _next_passage(self, here: Fused) -> tuple[int, float]:
-        """The passage that the robot is in, at 0 m, or comes to, with the way to it [m]; -1 for none."""
+        """The passage that the robot is in, at 0 m, or that its path comes to, and how far off [m]; -1 for none."""
         path = self._answer.path
         points = here.p[None, :2] if path is None or not path.found else _ahead(path.points, here.p[:2], LOOK_AHEAD)
-        gone = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+        gone = np.hypot(*(points - here.p[:2]).T)
+        found = list[tuple[float, int]]()
         for k, outline in enumerate(self.passages):
             for p, s in zip(points.tolist(), gone.tolist(), strict=True):
                 if inside_polygon(outline, 0, len(outline), p[0], p[1]):
-                    return k, s
-        return -1, 0.0
+                    found.append((s, k))
+                    break
+        gap, k = min(found, default=(0.0, -1))
+        return k, gap
 
     def _drain(self, here: Fused) -> None:
         docked = self.mission.duty is Duty.CHARGE and self._answer.state is Drive.ARRIVED

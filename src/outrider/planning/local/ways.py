@@ -131,17 +131,18 @@ def ways(guide: Floats, discs: Floats, inscribed: float, gap: float, most: int) 
     """
     labels = np.empty(len(discs), np.int64)
     join(discs, 2.0 * inscribed, labels)
-    open_, out, signatures = [(guide, 0)], list[Floats](), list[Floats]()
+    open_, out, signatures = [(0.0, guide, 0)], list[Floats](), list[Floats]()
     while open_ and len(out) < most:
-        open_.sort(key=lambda way: float(np.hypot(*np.diff(way[0], axis=0).T).sum()))
-        path, depth = open_.pop(0)
+        open_.sort(key=lambda way: way[0])
+        _, path, depth = open_.pop(0)
         piece, which, _ = blocked(path, discs, inscribed)
         if which >= 0 and depth < DEPTH:
             group = discs[labels == labels[which]]
             for side in (1.0, -1.0):
                 corner = _corner(path[piece], path[piece + 1], group, side, inscribed + gap)
                 if corner is not None:
-                    open_.append((np.insert(path, piece + 1, corner, axis=0), depth + 1))
+                    around = np.insert(path, piece + 1, corner, axis=0)
+                    open_.append((float(np.hypot(*np.diff(around, axis=0).T).sum()), around, depth + 1))
         elif which < 0:
             mark = signature(path, discs)
             if not any(same(mark, other) for other in signatures):
