@@ -28,7 +28,7 @@ DRAWING: dict[str, Any] = {
     ],
     "routes": {"nodes": {"in": [0, 0], "out": [LONG, 0]}, "ways": [{"way": ["in", "out"], "width": 2.0}]},
 }
-WEST, EAST = ([-8.0, 0.5], [-8.0, -3.0], [-8.0, 3.0]), ([LONG + 8.0, -0.5], [LONG + 8.0, 3.0], [LONG + 8.0, -3.0])
+WEST, EAST = ([-8.0, 0.5], [-8.0, -3.0], [-8.0, 3.0]), ([LONG + 8.0, -1.5], [LONG + 8.0, 3.0], [LONG + 8.0, -3.0])
 
 
 def robot(start: tuple[float, float, float], stops: Sequence[Sequence[float]]) -> dict[str, Any]:

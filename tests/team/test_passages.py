@@ -16,7 +16,7 @@ S = 1_000_000_000
 def swapping(offset: float = 8.0, third: bool = False) -> dict[str, Any]:
     robots = {
         "r1": robot((-8.0, 0.5, 0.0), (EAST[0], WEST[0])),
-        "r2": robot((LONG + offset, -0.5, 180.0), (WEST[1], EAST[1])),
+        "r2": robot((LONG + offset, 0.5, 180.0), (WEST[1], EAST[1])),
     }
     return robots | ({"r3": robot((LONG + 8.0, 3.0, 180.0), (WEST[2], EAST[2]))} if third else {})
 

@@ -195,7 +195,9 @@ def station(name: str, section: StationMission, setting: Setting) -> Station:
     if not setting.patrols:
         raise ConfigError("no robot to send", where="station", fix="give one of the team a mission of type patrol")
     drive = setting.patrols[0].drive
-    visited = np.vstack([_stops(p, setting.drawing)[:, :2] for p in setting.patrols])
+    ground = setting.world.grid
+    if ground is None:
+        ground = drawn(setting.world, np.vstack([_stops(p, setting.drawing)[:, :2] for p in setting.patrols]))
     if section.near >= section.far:
         what = f"near {section.near:g} m, far {section.far:g} m"
         raise ConfigError(what, where="station", fix="far is what a camera can see, more than near")
@@ -207,7 +209,7 @@ def station(name: str, section: StationMission, setting: Setting) -> Station:
         else AlertFile(Path(section.file), start=EPOCH, anchor=setting.anchor)
     )
     return Station(
-        name=name, feed=feed, costmap=_costmap(setting, drive, drawn(setting.world, visited)),
+        name=name, feed=feed, costmap=_costmap(setting, drive, ground),
         planner=Refined(planner=AStar()), near=section.near, far=section.far, same=section.same,
         lease_s=section.lease_s, period_s=section.period_s,
     )  # fmt: skip
