@@ -54,7 +54,7 @@ def excess(s: Station, free: list[Status], waiting: list[Entry], went: list[Entr
     weights = np.where(Traversal().weights < np.inf, Traversal().weights, -1.0)[s.costmap.cells]
     costs = np.array([_costs(s, weights, robot, waiting) for robot in free])
     n = len(went)
-    rows = [i for i in permutations(range(len(free)), n)]
+    rows = list(permutations(range(len(free)), n))
     columns = [j for j in permutations(range(len(waiting)), n) if list(j) == sorted(j)]
     best = min(sum(costs[i, j] for i, j in zip(a, b, strict=True)) for a in rows for b in columns)
     names, numbers = [r.robot for r in free], [e.alert.number for e in waiting]

@@ -121,7 +121,10 @@ def _robot(k: int) -> dict[str, Any]:
             "type": "patrol",
             "stops": list(ROUNDS[k]),
             "dock": dock["name"],
-            "drive": {"driver": {"patience_s": 90.0}, "local": {"type": "teb", "reach": 6.0, "ways": 2}},
+            "drive": {
+                "forward": 0.8, "sideways": 0.4, "acceleration": 0.8, "driver": {"patience_s": 90.0},
+                "local": {"type": "teb", "reach": 6.0, "ways": 2},
+            },
             "period_s": 0.2,
         },
-    }
+    }  # fmt: skip

@@ -16,6 +16,7 @@ from outrider.mapping.layers import Other
 from outrider.safety.monitor import Monitor
 from outrider.safety.stage import Held, Inputs, Reason, SafetyStage
 from outrider.safety.stage import Scan as RawScan
+from outrider.team.courtesy import gives_way, rank
 from outrider.team.driver import Answer, Driver
 from outrider.team.navigator import Fused, Navigator
 from outrider.team.reaction import Reaction
@@ -117,6 +118,14 @@ class Ground:
             bearings = first + step * np.arange(s.z.shape[1])
             out.append(Scan(pose=pose, bearings=bearings, ranges=s.z[row], reach=reach, blind=self.blind, age=ago))
         return out
+
+    def gives_way(self, t: int, here: Fused, order: int) -> str:
+        """The robot for which this one stops, "" for none; order : that it follows, -1 for none."""
+        if self.others is None:
+            return ""
+        wide = self.others.circumscribed + self.driver.footprint.circumscribed
+        own, braking = rank(self.navigator.robot, order), self.driver.limits.acceleration
+        return gives_way(t, here.p[:2], here.v[:2], own, self._heard.values(), wide=wide, braking=braking)
 
     def _neighbours(self, t: int) -> tuple[list[Other], Floats]:
         """Where the others stand, and (n, 5) discs of those that move, by what they have said of themselves."""

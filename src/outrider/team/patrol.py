@@ -75,7 +75,8 @@ class Patrol:
         note = self._decide(t, order, cancelled)
         self.body.driver.go(self._goal())
         here, self._answer = self.body.aim(t, records, inbox)
-        stands = self._passage(t, here) or self.mission.duty is Duty.EMPTY
+        order = -1 if self.mission.order is None else self.mission.order.number
+        stands = self._passage(t, here) or self.mission.duty is Duty.EMPTY or self.body.gives_way(t, here, order) != ""
         self._answer = self.body.give(t, here, self._answer.at_rest if stands else self._answer)
         note = "; ".join(x for x in (note, self._answer.note) if x)
         self._drain(here)
