@@ -9,7 +9,7 @@ import pytest
 
 from outrider.data import Kind, Stream, stream
 from outrider.data.agents import Message
-from outrider.data.driving import DriveLimits, LocalOutcome, LocalPlan, Situation, Steering
+from outrider.data.driving import DriveLimits, LocalOutcome, LocalPlan, Situation, Steering, Steering
 from outrider.data.footprint import Footprint
 from outrider.data.grid import Costmap, Grid
 from outrider.data.routes import Path, PathOutcome
@@ -95,6 +95,11 @@ def test_a_goal_out_of_reach_is_waited_for_and_given_up() -> None:
     assert d.step(4.0, fused(), [scan()]).state is Drive.IDLE
 
 
+LIMITS = DriveLimits(
+    steering=Steering.DIFFERENTIAL, forward=1.0, turn=1.0, acceleration=0.5, turn_acceleration=1.0
+)  # fmt: skip
+
+
 @dataclass
 class Navigation:
     robot: str = "robot"
@@ -111,6 +116,7 @@ class Body:
     here: Fused = field(default_factory=fused)
     goals: list[Floats] = field(default_factory=list)
     navigator: Navigation = field(default_factory=Navigation)
+    limits: DriveLimits = field(default_factory=lambda: LIMITS)
 
     @property
     def driver(self) -> "Body":
@@ -124,6 +130,9 @@ class Body:
 
     def give(self, t: int, here: Fused, answer: Answer) -> Answer:
         return answer
+
+    def gives_way(self, t: int, here: Fused, order: int) -> str:
+        return ""
 
 
 STOPS = np.array([[1.0, 0.0, np.nan], [2.0, 0.0, np.nan]])
@@ -169,8 +178,8 @@ def test_it_waits_before_a_passage_until_it_is_granted_and_asks_no_more_behind_i
     body = Body(says=Answer(state=Drive.UNDER_WAY, twist=AHEAD.copy(), path=way))
     robot = patrol(body, passages=(gate,))
     for k, (east, granted, waits, wanted) in enumerate(
-        [(-7.0, False, False, -1), (-2.5, False, False, 0), (-1.0, False, True, 0), (-1.0, True, False, 0),
-         (-0.5, False, False, 0), (0.0, False, True, 0), (0.2, True, False, 0),
+        [(-7.5, False, False, -1), (-4.0, False, False, 0), (-2.0, False, True, 0), (-2.0, True, False, 0),
+         (-1.5, False, False, 0), (-1.0, False, True, 0), (0.2, True, False, 0),
          (2.0, True, False, 0), (3.5, True, False, -1), (0.2, False, True, 0)]
     ):  # fmt: skip
         body.here = fused(p=np.array([east, 0.0, 0.0]))
