@@ -9,7 +9,7 @@ import pytest
 
 from outrider.data import Kind, Stream, stream
 from outrider.data.agents import Message
-from outrider.data.driving import DriveLimits, LocalOutcome, LocalPlan, Situation, Steering, Steering
+from outrider.data.driving import DriveLimits, LocalOutcome, LocalPlan, Situation, Steering
 from outrider.data.footprint import Footprint
 from outrider.data.grid import Costmap, Grid
 from outrider.data.routes import Path, PathOutcome

@@ -174,8 +174,10 @@ class Patrol:
 
 def _ahead(points: Floats, p: Floats, reach: float) -> Floats:
     """(m, 2) of a path from the robot on, about every 0.2 m, over `reach` [m]."""
-    at = int(np.argmin(np.hypot(points[:, 0] - p[0], points[:, 1] - p[1])))
-    rest = np.vstack([p[None], points[at:]])
+    gap = np.diff(points, axis=0)
+    share = np.clip(((p - points[:-1]) * gap).sum(axis=1) / np.maximum((gap**2).sum(axis=1), 1e-12), 0.0, 1.0)
+    off = np.hypot(*(points[:-1] + share[:, None] * gap - p).T)
+    rest = np.vstack([p[None], points[int(off.argmin()) + 1 :] if off.size else points])
     s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(rest, axis=0).T))])
     every = np.arange(0.0, min(reach, float(s[-1])) + 1e-9, 0.2)
     return np.column_stack([np.interp(every, s, rest[:, k]) for k in range(2)])
