@@ -133,6 +133,7 @@ class LocalOutcome(Enum):
     ARRIVED = "the robot stands at its goal"
     SLOW = "something is in the way further on: slower, to be able to stop before it"
     STOP = "something is in the way within the stopping distance: a controlled stop"
+    GIVE_WAY = "somebody comes near: out of the way, or slower"
     BACK_OUT = "nothing leads on from here: backing out the way it came"
     REPLAN = "nothing leads on from here, and there is no room behind: plan another path, or move what is in the way"
 

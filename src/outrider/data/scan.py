@@ -42,3 +42,9 @@ class Scan:
     def usable(self) -> Bools:
         """(n,) whether a beam tells something: that it hit, or that nothing returned."""
         return self.ranges >= self.blind
+
+    def hits(self, reach: float = np.inf) -> Floats:
+        """(m, 2) m, site frame: where beams ended, up to `reach` [m]."""
+        hit = self.usable & (self.ranges < self.reach) & (self.ranges <= reach)
+        angle = self.pose[2] + self.bearings[hit]
+        return self.pose[:2] + self.ranges[hit, None] * np.column_stack([np.cos(angle), np.sin(angle)])

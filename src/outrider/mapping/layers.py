@@ -21,6 +21,10 @@ Cells = NDArray[np.uint8]
 Other = tuple[Footprint, Floats]
 """Another robot: its footprint, and its pose (3,), east, north [m] and heading [rad]."""
 
+HIT: Final = np.uint8(3)  # times that a beam must pass for each that ended in a cell, to make up for it
+TWICE: Final = np.uint8(6)  # hits that are of no account
+MOST: Final = np.uint8(30)  # hits that are remembered
+NEVER: Final = np.uint8(255)  # no beam has passed
 _LARGEST: Final = 1 << 28  # cells of a costmap
 
 
@@ -79,6 +83,7 @@ class LayeredCostmap:
         self._inflater = Inflater(inflation, ground.resolution, self._shape)
         self._corner = None if self._rolling else np.zeros(2, np.int64)  # row, column of the ground
         self._static, self._seen, self._keep = (np.full(self._shape, UNKNOWN, np.uint8) for _ in range(3))
+        self._held = np.full(self._shape, NEVER, np.uint8)
         self._base, self._out = np.empty(self._shape, np.uint8), np.empty(self._shape, np.uint8)
         self._others: list[tuple[Box, Floats, float]] = []
         self._needed = zones_needed
@@ -118,7 +123,7 @@ class LayeredCostmap:
         others = list(others)
         _refuse_unusable(scans, pose, others)
         boxes = self._move(pose)
-        boxes += [observe(self._seen, self.resolution, self.origin, scan, self._marking) for scan in scans]
+        boxes += [self._observe(scan) for scan in scans]
         if self._footprint is not None and pose is not None:
             boxes.append(self._stand(self._footprint, pose))
         boxes += [box for box, *_ in self._others]
@@ -126,12 +131,12 @@ class LayeredCostmap:
         boxes += [box for box, *_ in self._others]
         self._refresh(boxes)
 
-    def seen_free(self, points: Floats) -> NDArray[np.bool_]:
-        """(n,) whether beams have passed where the points (n, 2) m are, and nothing was seen there since."""
+    def passed(self, points: Floats) -> NDArray[np.bool_]:
+        """(n,) whether beams pass where the points (n, 2) m are, as a rule: it was hit twice at most."""
         cells = np.floor((points - self.origin) / self.resolution).astype(np.int64)[:, ::-1]
         inside = ((cells >= 0) & (cells < self._shape)).all(axis=1)
         out = np.zeros(len(points), np.bool_)
-        out[inside] = self._seen[tuple(cells[inside].T)] == FREE
+        out[inside] = self._held[tuple(cells[inside].T)] <= TWICE
         return out
 
     def replace_zones(self, keep_out: Cells | None) -> None:
@@ -148,6 +153,17 @@ class LayeredCostmap:
         """Compute every cell anew; changes nothing that `update` did right."""
         self._refresh([self._whole])
 
+    def _observe(self, scan: Scan) -> Box:
+        """Enter a scan, and remember how often cells are hit: what flickers at the edge of a wall is not free."""
+        r0, r1, c0, c1 = box = observe(self._seen, self.resolution, self.origin, scan, self._marking)
+        held, free = self._held[r0:r1, c0:c1], self._seen[r0:r1, c0:c1] == FREE
+        held[free] = np.where(held[free] == NEVER, 0, held[free] - (held[free] > 0))
+        ends = np.floor((scan.hits(self._marking.mark) - self.origin) / self.resolution).astype(np.int64)[:, ::-1]
+        ends = np.unique(ends[((ends >= 0) & (ends < self._shape)).all(axis=1)], axis=0)
+        count = self._held[tuple(ends.T)]
+        self._held[tuple(ends.T)] = np.where(count == NEVER, NEVER, np.minimum(count + HIT, MOST))
+        return box
+
     def _move(self, pose: Floats | None) -> list[Box]:
         """Shift the window so that the robot is in its middle; the whole of it has then changed."""
         if not self._rolling:
@@ -158,10 +174,12 @@ class LayeredCostmap:
         corner = self._ground.cell_of(pose[:2]) - middle
         if self._corner is not None and (corner == self._corner).all():
             return []
-        kept = self._seen.copy()
+        kept, held = self._seen.copy(), self._held.copy()
         self._seen.fill(UNKNOWN)
+        self._held.fill(NEVER)
         if self._corner is not None:
             _copy_overlap(kept, self._corner, self._seen, corner)
+            _copy_overlap(held, self._corner, self._held, corner)
         self._corner = corner
         self._draw_ground()
         return [self._whole]
@@ -265,6 +283,8 @@ def _overlap(
     return (inside[0], inside[1]), (there[0], there[1])
 
 
-def _copy_overlap(old: Cells, old_corner: NDArray[np.int64], new: Cells, corner: NDArray[np.int64]) -> None:
+def _copy_overlap(
+    old: NDArray[Any], old_corner: NDArray[np.int64], new: NDArray[Any], corner: NDArray[np.int64]
+) -> None:
     inside, there = _overlap(old.shape, new.shape, corner - old_corner)
     new[there] = old[inside]

@@ -16,6 +16,9 @@ from outrider.typing import Bools, Floats, Ints
 
 CLUSTER: Final = 4  # x, y, radius [m] of a disc, variance of its place [m^2]
 
+FEWEST: Final = 3  # returns of a thing that is followed
+AROUND: Final = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
+
 
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,20 +27,21 @@ class Tracking:
     what is wider never moves;  sigma : m, of a cluster's place;  acceleration : m/s^2, white, of what is followed;
     gate : squared distance, in standard deviations, within which a cluster may be the one of a track;  starts, stops :
     m/s above which something moves and below which it stands again, both for `scans` in a row;  sure : standard
-    deviations that the velocity is from rest;  forget : s without a return.  Raises ConfigError.
+    deviations that the velocity is from rest;  forget : s without a return;  margin : m around what moves.
     """
 
     gap: float = 0.25
-    reach: float = 10.0
+    reach: float = 8.0
     widest: float = 1.3
-    sigma: float = 0.06
+    sigma: float = 0.05
     acceleration: float = 2.0
     gate: float = 13.8  # of two dimensions at 0.1 %
     starts: float = 0.4
     stops: float = 0.2
-    scans: int = 3
+    scans: int = 2
     sure: float = 2.5
     forget: float = 1.0
+    margin: float = 0.1
 
     def __post_init__(self) -> None:
         numbers = (self.gap, self.reach, self.widest, self.sigma, self.acceleration, self.gate, self.sure, self.forget)
@@ -90,16 +94,16 @@ class Tracker:
     def __init__(self, settings: Tracking = Tracking()) -> None:
         self._settings, self._time, self._all = settings, -np.inf, Tracks.none()
 
-    def look(self, t_s: float, scan: Scan, free: Callable[[Floats], Bools]) -> Scan:
+    def look(self, t_s: float, scan: Scan, passed: Callable[[Floats], Bools]) -> Scan:
         """Take in a scan of time t_s [s]; what is left of it for a map of things that stand.
 
-        free : which of the places (m, 2) were seen to be free before this scan.
+        passed : through which of the places (m, 2) beams have passed before this scan.
         """
         s = self._settings
         z = clusters(scan, s)
         self._predict(t_s)
         track, cluster = associated(self._all, z, s.gate)
-        self._correct(t_s, track, z[cluster], free)
+        self._correct(t_s, track, z[cluster], passed)
         fresh = np.ones(len(z), np.bool_)
         fresh[cluster] = False
         self._all = self._all.kept(t_s - self._all.seen <= s.forget).with_new(t_s, z[fresh])
@@ -109,7 +113,7 @@ class Tracker:
         """(n, 5) x, y, radius [m], v_x, v_y [m/s] of what moves, carried to t_s."""
         a = self._all.kept(self._all.moving)
         ahead = max(t_s - self._time, 0.0) if len(a.x) else 0.0
-        return np.column_stack([a.x[:, :2] + ahead * a.x[:, 2:], a.radius, a.x[:, 2:]])
+        return np.column_stack([a.x[:, :2] + ahead * a.x[:, 2:], a.radius + self._settings.margin, a.x[:, 2:]])
 
     def _predict(self, t_s: float) -> None:
         dt = max(t_s - self._time, 0.0) if len(self._all.x) else 0.0
@@ -121,7 +125,7 @@ class Tracker:
         c += dt * v + 0.5 * q * dt**3
         v += q * dt * dt
 
-    def _correct(self, t_s: float, row: Ints, z: Floats, free: Callable[[Floats], Bools]) -> None:
+    def _correct(self, t_s: float, row: Ints, z: Floats, passed: Callable[[Floats], Bools]) -> None:
         """The Kalman step of the tracks that were seen, and what they are taken for from now on."""
         a, s = self._all, self._settings
         p, c, v = a.P[row].T
@@ -131,7 +135,9 @@ class Tracker:
         a.radius[row] += 0.3 * (z[:, 2] - a.radius[row])
         a.seen[row] = t_s
         speed, moving = np.hypot(a.x[row, 2], a.x[row, 3]), a.moving[row]
-        goes = (speed > s.starts) & (speed > s.sure * np.sqrt(a.P[row, 2])) & free(z[:, :2])
+        around = (z[:, None, :2] + s.gap * AROUND).reshape(-1, 2)
+        open_ = passed(around).reshape(-1, len(AROUND)).all(axis=1)
+        goes = open_ & (speed > s.starts) & (speed > s.sure * np.sqrt(a.P[row, 2]))
         streak = np.where(np.where(moving, speed < s.stops, goes), a.streak[row] + 1, 0)
         turns = streak >= s.scans
         a.moving[row], a.streak[row] = moving ^ turns, np.where(turns, 0, streak)
@@ -167,7 +173,7 @@ def clusters(scan: Scan, s: Tracking) -> Floats:
         return np.empty((0, CLUSTER))
     order = np.arange(first[0], first[0] + len(hit)) % len(hit)  # no cluster goes over the end
     parts = np.split(order, (first - first[0])[1:])
-    out = [_disc(scan, p, r, hit, part, step, s) for part in parts if len(part) > 1]
+    out = [_disc(scan, p, r, hit, part, step, s) for part in parts if len(part) >= FEWEST]
     return np.array([row for row in out if row is not None]).reshape(-1, CLUSTER)
 
 

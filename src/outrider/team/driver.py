@@ -19,6 +19,8 @@ from outrider.data.routes import GlobalPlanner, Path, PathOutcome
 from outrider.data.scan import Scan
 from outrider.mapping.inflation import Inflation
 from outrider.mapping.layers import Cells, LayeredCostmap, Other
+from outrider.mapping.obstacles import Marking
+from outrider.planning.local.yielding import Yielding
 from outrider.planning.replan import Choice, Replanning
 from outrider.planning.traversal import Traversal
 from outrider.team.navigator import Fused
@@ -28,6 +30,7 @@ from outrider.typing import Floats
 STILL: Final = np.zeros(3)
 NONE: Final = np.empty((0, 5))
 URGENT_S: Final = 0.5  # s between plans where the path is blocked or leads nowhere
+MARKING: Final = Marking(mark=5.0, clear=9.0)  # what moves is known by coming to where beams have passed
 OUT: Final = 1.0  # m that a plan may start beside a robot that stands too near to something
 
 
@@ -97,9 +100,10 @@ class Driver:
     ) -> None:
         """traversal : the planner's own rules, by which paths are compared."""
         self.footprint, self.sees = footprint, sees
-        self._planner, self._local, self._settings, self._traversal = planner, local, settings, traversal
+        self._planner, self._settings, self._traversal = planner, settings, traversal
+        self._local = Yielding(planner=local, footprint=footprint)
         s = settings
-        costs = LayeredCostmap(ground, inflation=inflation, footprint=footprint, keep_out=keep_out)
+        costs = LayeredCostmap(ground, inflation=inflation, footprint=footprint, keep_out=keep_out, marking=MARKING)
         self._sight = Sight(costs, sees=sees, window=s.window, stale_s=s.stale_s, sigma=s.sigma)
         self._replanning = Replanning(better=s.better, least=s.least)
         self._goal: Floats | None = None
@@ -199,12 +203,13 @@ class Driver:
         )  # fmt: skip
 
     def _told(self, t_s: float, plan: LocalPlan) -> Answer:
+        yields = plan.outcome is LocalOutcome.GIVE_WAY
         state = Drive.UNDER_WAY
         if plan.outcome is LocalOutcome.ARRIVED:
             state = Drive.ARRIVED
         elif plan.outcome in (LocalOutcome.STOP, LocalOutcome.REPLAN):
             state = Drive.WAITING
-        if state is not Drive.WAITING or self._moved_s == -np.inf:
+        if self._moved_s == -np.inf or (state is not Drive.WAITING and not yields):
             self._moved_s = t_s
         if t_s - self._moved_s > self._settings.patience_s:
             state = Drive.UNREACHABLE

@@ -102,19 +102,19 @@ class Ground:
         x, y, turned = self.lidar.tolist()
         out: list[Scan] = []
         for row in range(len(s)):
+            first, step, reach = (float(s.extra[name][row]) for name in ("angle_min", "angle_step", "range_max"))
+            raw = np.where(s.z[row] >= self.blind, s.z[row], np.nan)
+            self._scan = RawScan(
+                time=int(s.t[row]) * 1e-9, ranges=raw, angle_min=first, angle_step=step, reach=reach,
+                mount=(x, y, turned),
+            )  # fmt: skip
             ago = (here.t - int(s.t[row])) * 1e-9
             heading = here.heading - here.w * ago
             p = here.p[:2] - here.v[:2] * ago
+            if not (np.isfinite(p).all() and np.isfinite(heading)):
+                continue
             c, k = cos(heading), sin(heading)
             pose = np.array([p[0] + c * x - k * y, p[1] + k * x + c * y, heading + turned])
-            first, step, reach = (float(s.extra[name][row]) for name in ("angle_min", "angle_step", "range_max"))
-            raw = np.where(s.z[row] >= self.blind, s.z[row], np.nan)
-            mount = (x, y, turned)
-            self._scan = RawScan(
-                time=int(s.t[row]) * 1e-9, ranges=raw, angle_min=first, angle_step=step, reach=reach, mount=mount
-            )
-            if not np.isfinite(pose).all():
-                continue
             bearings = first + step * np.arange(s.z.shape[1])
             out.append(Scan(pose=pose, bearings=bearings, ranges=s.z[row], reach=reach, blind=self.blind, age=ago))
         return out

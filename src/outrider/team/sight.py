@@ -45,7 +45,7 @@ class Sight:
         if not worst <= self._sigma:
             return f"the position is known to {worst:.1f} m only"
         try:
-            standing = [self._tracker.look(t_s - scan.age, scan, self._map.seen_free) for scan in scans]
+            standing = [self._tracker.look(t_s - scan.age, scan, self._map.passed) for scan in scans]
             self._map.update(standing, pose=pose, others=others)
         except DataError as e:
             return str(e)
