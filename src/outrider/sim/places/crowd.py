@@ -20,7 +20,7 @@ def crowd(
     Half of them cross it, one in four comes along it, and one in four goes with it, slower or faster than the robot.
     Each is where the robot would be alone at about the same time, within two seconds. A share `stops` of them stands
     still for 3 to 8 s on the way; nobody starts within 3 m of the robot, stays near its way, or walks into another.
-    side : m that they walk before and after, straight on; then they leave.
+    side : m that they walk before and after, and as far again to leave, straight on.
     """
     line = np.array(way, np.float64)
     gone = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
@@ -37,26 +37,22 @@ def crowd(
         else:
             along = ahead if kind == 2 else -ahead
             here = here + rng.uniform(-0.6, 0.6) * aside
-        leaves = (along if kind < 2 else aside) * (side + 2.0)
-        name = f"person {len(out) + 1}"
-        person = _walk(name, here, along / hypot(*along), leaves, meets, side, rng, stops=stops)
+        person = _walk(f"person {len(out) + 1}", here, along / hypot(*along), meets, side, rng, stops=stops)
         if hypot(*(person.at(0.0)[:2] - line[0])) > 3.0 and not any(_meet(person, other) for other in out):
             out.append(person)
     return tuple(out)
 
 
-def _walk(
-    name: str, here: Floats, along: Floats, leaves: Floats, meets: float, reach: float, rng: Generator, *, stops: float
-) -> Mover:
-    """Through `here` at time `meets`, `reach` metres before and after it, perhaps with a rest there; then away."""
+def _walk(name: str, here: Floats, along: Floats, meets: float, reach: float, rng: Generator, *, stops: float) -> Mover:
+    """Through `here` at time `meets`, from `reach` metres before to twice as far behind; perhaps with a rest there."""
     before = min(reach, WALKING * max(meets, 0.0))
     t = [meets - before / WALKING, meets]
     p = [here - before * along, here]
     if rng.random() < stops:
         t.append(t[-1] + rng.uniform(3.0, 8.0))
         p.append(here)
-    t += [t[-1] + reach / WALKING, t[-1] + (reach + hypot(*leaves)) / WALKING]
-    p += [here + reach * along, here + reach * along + leaves]
+    t.append(t[-1] + 2.0 * reach / WALKING)
+    p.append(here + 2.0 * reach * along)
     return Mover(name=name, t_s=np.array(t), p=np.column_stack([np.array(p), np.zeros(len(p))]), height=1.75)
 
 
