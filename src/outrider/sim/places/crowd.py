@@ -17,7 +17,7 @@ def crowd(
 ) -> tuple[Mover, ...]:
     """So many people who meet a robot that goes at `speed` [m/s] along the polyline `way` (n, 2) m from time 0 on.
 
-    Half of them cross it, one in four comes along it, and one in four goes with it, slower or faster than the robot.
+    Half of them cross it, one in four comes along it, and one in four goes with it.
     Each is where the robot would be alone at about the same time, within two seconds. A share `stops` of them stands
     still for 3 to 8 s on the way; nobody starts within 3 m of the robot, stays near its way, or walks into another.
     side : m that they walk before and after, and as far again to leave, straight on.
