@@ -22,11 +22,14 @@ READERS = {  # format -> module and function
     "gnss receiver": ("receivers", "read_receiver"),
     "remote id": ("remote_id", "read_remote_id"),
     "carmen log": ("carmen", "read_carmen"),
+    "kitti drive": ("kitti", "read_kitti"),
+    "euroc sequence": ("euroc", "read_euroc"),
+    "team folder": ("teams", "read_team"),
 }
 SUPPORTED = (
     "ROS 1 .bag, ROS 2 bag (directory, .db3, .mcap), PX4 .ulg, ArduPilot .bin and .tlog, EKF2 replay .csv, "
-    "GNSS receivers (NMEA, UBX), RTKLIB .pos, Open Drone ID .pcap, CARMEN .clf; "
-    ".csv, .npy, .npz and .mat with a mapping"
+    "GNSS receivers (NMEA, UBX), RTKLIB .pos, Open Drone ID .pcap, CARMEN .clf, "
+    "raw drives of KITTI, EuRoC sequences, folders of one log per robot; .csv, .npy, .npz and .mat with a mapping"
 )
 PACKED = (b"BZh", b"\x1f\x8b")
 ARRAYS = (b"\x93NUMPY", b"MATLAB 5.0", b"MATLAB 7.3", b"\x89HDF")
@@ -55,16 +58,13 @@ PATTERNS = (  # in the first 4 KiB
 )
 
 
-def detect(path: Path) -> str:
-    """The format of a log: a key of `READERS`, or `csv` for a table that needs a mapping."""
+def detect(path: Path, *, teams: bool = True) -> str:
+    """The format of a log: a key of `READERS`, or `csv` or `arrays` for what needs a mapping.
+
+    teams : whether a folder of logs is one
+    """
     if is_directory(path):
-        try:
-            names = [p.name for p in path.iterdir()]
-        except OSError as e:
-            raise DataError(f"cannot be read: {(e.strerror or str(e)).lower()}", where=str(path)) from None
-        if "metadata.yaml" in names or any(n.endswith((".db3", ".mcap")) for n in names):
-            return "ros2 bag"
-        raise DataError("is a directory, but not a ROS 2 bag", where=str(path), fix="name the log file inside it")
+        return _folder(path, teams)
     with ensure_readable(path).open("rb") as f:
         head = f.read(4096)
     if head.startswith(ARRAYS) or (path.suffix.lower() in (".mat", ".npz") and b"$" not in head[:1]):
@@ -92,6 +92,29 @@ def detect(path: Path) -> str:
     if head.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise DataError("is text in UTF-16", where=str(path), fix="save it as UTF-8")
     raise DataError("not a log format that is known here", where=str(path), fix=f"supported: {SUPPORTED}")
+
+
+def _folder(path: Path, teams: bool) -> str:
+    """The format of a folder."""
+    from outrider.io.euroc import euroc_root
+    from outrider.io.kitti import is_kitti
+    from outrider.io.teams import logs_in
+
+    try:
+        names = [p.name for p in path.iterdir()]
+        pieces = {re.sub(r"(_\d+)?\.(db3|mcap)$", "", n) for n in names if n.endswith((".db3", ".mcap"))}
+        if "metadata.yaml" in names or len(pieces) == 1 or (pieces and not teams):
+            return "ros2 bag"
+        if is_kitti(path):
+            return "kitti drive"
+        if euroc_root(path) is not None:
+            return "euroc sequence"
+        if teams and len(logs_in(path)) > 1:
+            return "team folder"
+    except OSError as e:
+        raise DataError(f"cannot be read: {(e.strerror or str(e)).lower()}", where=str(path)) from None
+    what = "is a directory, but not a ROS 2 bag, a drive of KITTI, an EuRoC sequence or a folder of logs"
+    raise DataError(what, where=str(path), fix="name the log file inside it")
 
 
 def _packed(path: Path) -> str:

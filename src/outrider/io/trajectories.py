@@ -10,7 +10,9 @@ import numpy as np
 from outrider.core.geodesy import enu_to_geodetic, geodetic_to_enu
 from outrider.data import Datum, Kind, Run, Stream, Trajectory
 from outrider.errors import DataError, UsageError
+from outrider.io.euroc import GROUND_TRUTH, read_euroc_truth
 from outrider.io.files import closest, ensure_readable, is_directory, replacing
+from outrider.io.kitti import are_kitti_poses, read_kitti_poses
 from outrider.io.tum import read_tum
 from outrider.typing import Floats
 
@@ -184,7 +186,7 @@ def read_trajectory(path: Path, *, topic: str | None = None) -> Trajectory:
         return read_table(path)
     if not is_directory(path) and path.suffix.lower() in (".csv", ".txt", ".tum"):
         with ensure_readable(path).open("rb") as f:
-            first = f.read(400).decode("utf-8", "replace")
+            first = f.read(1000).decode("utf-8", "replace")
         if first.startswith("t_ns,"):
             return read_table(path)
         if first.startswith("Timestamp,state[0]"):
@@ -194,6 +196,10 @@ def read_trajectory(path: Path, *, topic: str | None = None) -> Trajectory:
         if REPLAY_ROW.match(first.encode()):
             fix = "give what EKF2 made of them, change_indication/*.csv, or a run's folder"
             raise DataError("holds measurements for EKF2 and no estimate", where=str(path), fix=fix)
+        if GROUND_TRUTH.match(first):
+            return read_euroc_truth(path)
+        if are_kitti_poses(first):
+            return read_kitti_poses(path)
         return read_tum(path)
 
     log = read_log(path, topics=None if topic is None else [topic])
