@@ -40,8 +40,9 @@ def euroc(folder: Path) -> Path:
     t = [1403636579758555392 + k * 5_000_000 for k in range(N)]
     imu = ["#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],a_RS_S_x [m s^-2],a,b"]
     write(root / "imu0", "data.csv", "\r\n".join([*imu, *(f"{s},0.1,0.2,0.3,9.8,0.4,-2.6" for s in t), ""]).encode())
-    yaml = "%YAML:1.0\nsensor_type: imu\nT_BS:\n  cols: 4\n  rows: 4\n  data: [0.0, -1.0, 0.0, 0.1,\n  1.0, 0.0, 0.0, 0.2,\n"
-    write(root / "imu0", "sensor.yaml", (yaml + "  0.0, 0.0, 1.0, 0.3,\n  0.0, 0.0, 0.0, 1.0]\n").encode())
+    yaml = "#Default imu sensor yaml file\nsensor_type: imu\n\nT_BS:\n  cols: 4\n  rows: 4\n"
+    yaml += "  data: [0.0, -1.0, 0.0, 0.1,\n  1.0, 0.0, 0.0, 0.2,\n  0.0, 0.0, 1.0, 0.3,\n  0.0, 0.0, 0.0, 1.0]\n"
+    write(root / "imu0", "sensor.yaml", yaml.encode())
     truth = "#timestamp, p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], q_RS_y [], q_RS_z [], v"
     half = [f"{s},1.0,{k},3.0,0.8,0.0,0.0,0.6,0.5,0.6,0.7,0,0,0,0,0,0" for k, s in enumerate(t)]
     write(root / "state_groundtruth_estimate0", "data.csv", "\n".join([truth, *half, ""]).encode())
@@ -106,7 +107,7 @@ def test_trajectories_of_the_data_sets(tmp_path: Path) -> None:
     with pytest.raises(DataError, match=r"have no stamps .put its times.txt beside it"):
         read_trajectory(path)
     write(tmp_path, "times.txt", b"0.0\n1.036e-01\n0.207\n")
-    with pytest.raises(DataError, match="has 4 poses, times.txt 3 stamps"):
+    with pytest.raises(DataError, match=r"has 4 poses, times.txt 3 stamps"):
         read_trajectory(path)
     write(tmp_path, "times.txt", b"0.0\n1.036e-01\n0.207\n0.311\n")
     poses = read_trajectory(path)
@@ -160,5 +161,5 @@ def test_a_team_with_a_broken_log_or_twice_a_name(tmp_path: Path) -> None:
 
 def test_one_log_alone_is_no_team(tmp_path: Path) -> None:
     write(tmp_path, "uav.ulg", ulog())
-    with pytest.raises(DataError, match="not a ROS 2 bag, a drive of KITTI.*name the log file inside it"):
+    with pytest.raises(DataError, match=r"not a ROS 2 bag, a drive of KITTI.*name the log file inside it"):
         read_log(tmp_path)
