@@ -7,8 +7,8 @@ import numpy as np
 
 from outrider.data import Verdict
 from outrider.sim import wheeled_log
-from outrider.workflows.evaluate import compare_trajectories
 from outrider.workflows.config import FuseConfig
+from outrider.workflows.evaluate import compare_trajectories
 from outrider.workflows.fuse import fuse
 
 log, truth = wheeled_log(seed=4, duration_s=60.0)
