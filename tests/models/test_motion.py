@@ -7,6 +7,8 @@ from outrider.core.manifold import local, retract
 from outrider.models import kinematics as kin
 from outrider.models.motion import (
     LAYOUTS,
+    DriftingRover,
+    EulerBody,
     LaggedFollower,
     Motion,
     OmnidirectionalBody,
@@ -21,6 +23,8 @@ PARAMETERS = {
     Motion.STRAPDOWN: StrapdownIns(gnss_bias=1.0, gnss_bias_up=2.0, wind_walk=0.1),
     Motion.OMNIDIRECTIONAL: OmnidirectionalBody(),
     Motion.FOLLOWER: LaggedFollower(lag=0.7),
+    Motion.DRIFTING: DriftingRover(gnss_bias=1.0, gyro_bias_walk=0.1),
+    Motion.EULER: EulerBody(gnss_bias=1.0, accel_bias_walk=0.1, gyro_bias_walk=0.1),
 }
 ALL = sorted(Motion)
 

@@ -37,7 +37,8 @@ K_BN: Final = 28
 K_WIND: Final = 31
 K_BB: Final = 33
 K_BR: Final = 34
-K_SIZE: Final = 35
+K_M: Final = 35
+K_SIZE: Final = 38
 
 T_P: Final = 0
 T_TH: Final = 3
@@ -51,4 +52,5 @@ T_BN: Final = 22
 T_WIND: Final = 25
 T_BB: Final = 27
 T_BR: Final = 28
-T_SIZE: Final = 29
+T_M: Final = 29
+T_SIZE: Final = 32

@@ -11,7 +11,9 @@ from typing import Final
 
 from outrider._kernel import kernel
 from outrider.data import StateLayout
-from outrider.models.motion import follower, omnidirectional, planar, strapdown
+from outrider.models.motion import drifting, euler, follower, omnidirectional, planar, strapdown
+from outrider.models.motion.drifting import DriftingRover
+from outrider.models.motion.euler import EulerBody
 from outrider.models.motion.follower import LaggedFollower
 from outrider.models.motion.omnidirectional import OmnidirectionalBody
 from outrider.models.motion.planar import PlanarRobot
@@ -26,6 +28,8 @@ class Motion(IntEnum):
     STRAPDOWN = 1
     OMNIDIRECTIONAL = 2
     FOLLOWER = 3
+    DRIFTING = 4
+    EULER = 5
 
 
 LAYOUTS: Final[Mapping[Motion, StateLayout]] = {
@@ -33,6 +37,8 @@ LAYOUTS: Final[Mapping[Motion, StateLayout]] = {
     Motion.STRAPDOWN: strapdown.LAYOUT,
     Motion.OMNIDIRECTIONAL: omnidirectional.LAYOUT,
     Motion.FOLLOWER: follower.LAYOUT,
+    Motion.DRIFTING: drifting.LAYOUT,
+    Motion.EULER: euler.LAYOUT,
 }
 
 
@@ -45,8 +51,12 @@ def propagate(code: int, x: Floats, dt: float, u: Floats, theta: Floats, F: Floa
         strapdown.propagate(x, dt, u, theta, F, Q)
     elif code == 2:
         omnidirectional.propagate(x, dt, u, theta, F, Q)
-    else:
+    elif code == 3:
         follower.propagate(x, dt, u, theta, F, Q)
+    elif code == 4:
+        drifting.propagate(x, dt, u, theta, F, Q)
+    else:
+        euler.propagate(x, dt, u, theta, F, Q)
 
 
 @kernel
@@ -58,11 +68,15 @@ def kinematic_view(code: int, x: Floats, u: Floats, theta: Floats, k: Floats, K:
         strapdown.kinematic_view(x, u, theta, k, K)
     elif code == 2:
         omnidirectional.kinematic_view(x, u, theta, k, K)
-    else:
+    elif code == 3:
         follower.kinematic_view(x, u, theta, k, K)
+    elif code == 4:
+        drifting.kinematic_view(x, u, theta, k, K)
+    else:
+        euler.kinematic_view(x, u, theta, k, K)
 
 
 __all__ = [
-    "LAYOUTS", "LaggedFollower", "Motion", "OmnidirectionalBody", "PlanarRobot", "StrapdownIns",
-    "kinematic_view", "propagate",
+    "LAYOUTS", "DriftingRover", "EulerBody", "LaggedFollower", "Motion", "OmnidirectionalBody", "PlanarRobot",
+    "StrapdownIns", "kinematic_view", "propagate",
 ]  # fmt: skip

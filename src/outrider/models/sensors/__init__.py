@@ -5,15 +5,23 @@ Both choose by the code of the sensor. A sensor's dataclass holds its parameters
 all of its kind.
 """
 
+from outrider.models.sensors.as_printed import (
+    PrintedAccelerometer,
+    PrintedGnssPosition,
+    PrintedGnssVelocityAir,
+    PrintedGnssVelocityGround,
+    PrintedGyro,
+    PrintedOdometry,
+)
 from outrider.models.sensors.attitude import Attitude, Heading, YawOfAttitude
-from outrider.models.sensors.beacons import Range, RangeBearing
+from outrider.models.sensors.beacons import Bearing, Range, RangeBearing
 from outrider.models.sensors.dispatch import evaluate, simulate
 from outrider.models.sensors.gnss import GnssPosition, GnssVelocity, Position
 from outrider.models.sensors.ground import Baro, Flow, RangeFinder
 from outrider.models.sensors.inertial import Gyro, SpecificForce, ZeroRate
 from outrider.models.sensors.layout import LEVER, MAX_ROWS, MOUNT, OWN, STRAIGHT, THETA_SIZE, Mount, Sensor, SensorModel
 from outrider.models.sensors.magnetic import MagHeading, MagVector
-from outrider.models.sensors.pose import Pose, RelativePose
+from outrider.models.sensors.pose import MapPose, Pose, RelativePose
 from outrider.models.sensors.registry import SPECS, Spec, row_names
 from outrider.models.sensors.velocity import Airspeed, BodyVelocity, Nonholonomic, ZeroVelocity
 from outrider.models.sensors.wheels import (
@@ -35,6 +43,7 @@ __all__ = [
     "Airspeed",
     "Attitude",
     "Baro",
+    "Bearing",
     "BodyVelocity",
     "Flow",
     "GnssPosition",
@@ -43,10 +52,17 @@ __all__ = [
     "Heading",
     "MagHeading",
     "MagVector",
+    "MapPose",
     "Mount",
     "Nonholonomic",
     "Pose",
     "Position",
+    "PrintedAccelerometer",
+    "PrintedGnssPosition",
+    "PrintedGnssVelocityAir",
+    "PrintedGnssVelocityGround",
+    "PrintedGyro",
+    "PrintedOdometry",
     "Range",
     "RangeBearing",
     "RangeFinder",

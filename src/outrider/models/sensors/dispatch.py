@@ -4,15 +4,23 @@ import numpy as np
 
 from outrider._kernel import kernel
 from outrider.models.kinematics import T_SIZE
+from outrider.models.sensors import as_printed
 from outrider.models.sensors.attitude import attitude, heading, sensor_attitude, yaw_of_attitude
-from outrider.models.sensors.beacons import beacon_range, range_bearing
+from outrider.models.sensors.beacons import beacon_range, bearing, range_bearing
 from outrider.models.sensors.geometry import triple
 from outrider.models.sensors.gnss import gnss_position, gnss_velocity, position
 from outrider.models.sensors.ground import baro, flow, range_finder
 from outrider.models.sensors.inertial import gyro, specific_force, zero_rate
 from outrider.models.sensors.layout import MAX_ROWS, OWN, Sensor
 from outrider.models.sensors.magnetic import field_of, mag_heading, mag_vector, simulate_mag
-from outrider.models.sensors.pose import pose, relative_pose, simulate_pose, simulate_relative_pose
+from outrider.models.sensors.pose import (
+    map_pose,
+    pose,
+    relative_pose,
+    simulate_map_pose,
+    simulate_pose,
+    simulate_relative_pose,
+)
 from outrider.models.sensors.velocity import airspeed, body_velocity, nonholonomic, zero_velocity
 from outrider.models.sensors.wheels import ackermann, simulate_ackermann, twist, wheels_differential, wheels_mecanum
 from outrider.typing import Floats
@@ -78,6 +86,28 @@ def evaluate(code: int, k: Floats, z: Floats, theta: Floats, y: Floats, D: Float
         return relative_pose(k, z, theta, y, D)
     if code == Sensor.AIRSPEED:
         return airspeed(k, z, theta, y, D)
+    if code == Sensor.BEARING:
+        return bearing(k, z, theta, y, D)
+    if code == Sensor.MAP_POSE:
+        return map_pose(k, z, theta, y, D)
+    return printed(code, k, z, theta, y, D)
+
+
+@kernel
+def printed(code: int, k: Floats, z: Floats, theta: Floats, y: Floats, D: Floats) -> int:
+    """The sensors of `as_printed`."""
+    if code == Sensor.PRINTED_ODOMETRY:
+        return as_printed.odometry(k, z, theta, y, D)
+    if code == Sensor.PRINTED_GNSS_POSITION:
+        return as_printed.gnss_position(k, z, theta, y, D)
+    if code == Sensor.PRINTED_GNSS_VELOCITY_GROUND:
+        return as_printed.gnss_velocity_ground(k, z, theta, y, D)
+    if code == Sensor.PRINTED_GNSS_VELOCITY_AIR:
+        return as_printed.gnss_velocity_air(k, z, theta, y, D)
+    if code == Sensor.PRINTED_GYRO:
+        return as_printed.gyro(k, z, theta, y, D)
+    if code == Sensor.PRINTED_ACCELEROMETER:
+        return as_printed.accelerometer(k, z, theta, y, D)
     return 0
 
 
@@ -86,6 +116,8 @@ def first_column(code: int) -> int:
     """Where in z the sensor's own columns begin: behind the name of a beacon or robot."""
     if code == Sensor.RANGE or code == Sensor.RANGE_BEARING or code == Sensor.RELATIVE_POSE:
         return 1
+    if code == Sensor.BEARING:
+        return 2
     return 0
 
 
@@ -111,6 +143,8 @@ def fill(code: int, k: Floats, theta: Floats, z: Floats, nothing: Floats, y: Flo
         sensor_attitude(k, theta, D, z[0:4])
     elif code == Sensor.POSE:
         simulate_pose(k, theta, D, z)
+    elif code == Sensor.MAP_POSE:
+        simulate_map_pose(k, theta, D, z)
     elif code == Sensor.RELATIVE_POSE:
         simulate_relative_pose(k, theta, D, z)
     else:  # z enters by a plain difference: the innovation of a record of zeros is -h

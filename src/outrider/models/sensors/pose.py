@@ -1,15 +1,18 @@
 """Poses: of this robot against a map, of another robot as seen from this one."""
 
 from dataclasses import dataclass
+from math import atan2, cos, sin
 from typing import ClassVar, final
 
 from outrider._kernel import kernel
+from outrider.core.angles import wrap
 from outrider.core.rotations import quat_from_matrix
-from outrider.models.kinematics import T_TH, T_W
-from outrider.models.sensors.attitude import attitude_rows, error_rows, sensor_attitude
+from outrider.models.kinematics import K_M, K_R, T_M, T_P, T_TH, T_W
+from outrider.models.sensors.attitude import attitude_rows, azimuth_row, error_rows, sensor_attitude
 from outrider.models.sensors.geometry import (
     Vector,
     clear,
+    cross,
     dot,
     in_body,
     in_mount,
@@ -17,6 +20,7 @@ from outrider.models.sensors.geometry import (
     mix,
     point,
     point_row,
+    put,
     sensor_axis,
     target_from_origin,
     target_row,
@@ -48,6 +52,42 @@ def simulate_pose(k: Floats, theta: Floats, D: Floats, z: Floats) -> None:
     for i in range(3):
         z[i] = point(k, theta, i)
     sensor_attitude(k, theta, D, z[3:7])
+
+
+@kernel
+def map_pose(k: Floats, z: Floats, theta: Floats, y: Floats, D: Floats) -> int:
+    """z[0:2], yaw of z[3:7]: the robot's pose as read off a map that itself lies wrong by d, delta.  coop2024 (10)
+
+    h = [c + Rz(delta)' (p + R l - c - d), yaw(R) - delta], of which the first two metres count;  theta[12:14] c, the
+    place that the map turns about.
+    """
+    clear(D, 3)
+    azimuth = azimuth_row(k, (1.0, 0.0, 0.0), D, 2)
+    if azimuth != azimuth or not is_rotation(z[3:7]):
+        return 0
+    c, s = cos(k[K_M + 2]), sin(k[K_M + 2])
+    east, north = point(k, theta, 0) - theta[OWN] - k[K_M], point(k, theta, 1) - theta[OWN + 1] - k[K_M + 1]
+    h_x, h_y = c * east + s * north, c * north - s * east
+    y[0], y[1] = z[0] - theta[OWN] - h_x, z[1] - theta[OWN + 1] - h_y
+    for i in range(2):
+        a = (c, s, 0.0) if i == 0 else (-s, c, 0.0)
+        put(D, i, T_P, 1.0, a)
+        put(D, i, T_TH, 1.0, cross(triple(theta, LEVER), in_body(k, a)))
+        D[i, T_M], D[i, T_M + 1] = -a[0], -a[1]
+    D[0, T_M + 2], D[1, T_M + 2], D[2, T_M + 2] = h_y, -h_x, -1.0
+    forward = turned(z[3:7], _AXES[0])
+    y[2] = wrap(atan2(forward[1], forward[0]) - azimuth + k[K_M + 2])
+    return 3
+
+
+@kernel
+def simulate_map_pose(k: Floats, theta: Floats, D: Floats, z: Floats) -> None:
+    """z[0:7], level; D is scratch."""
+    c, s = cos(k[K_M + 2]), sin(k[K_M + 2])
+    east, north = point(k, theta, 0) - theta[OWN] - k[K_M], point(k, theta, 1) - theta[OWN + 1] - k[K_M + 1]
+    half = 0.5 * (atan2(k[K_R + 3], k[K_R]) - k[K_M + 2])
+    z[0], z[1], z[2] = theta[OWN] + c * east + s * north, theta[OWN + 1] + c * north - s * east, point(k, theta, 2)
+    z[3], z[4], z[5], z[6] = 0.0, 0.0, sin(half), cos(half)
 
 
 @kernel
@@ -131,3 +171,21 @@ class RelativePose:
 
     def sigmas(self) -> Floats:
         return deviations(self, *(self.sigma_position,) * 3, *(self.sigma_attitude,) * 3)
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MapPose:
+    """Place and heading against a map (or an object, as a parked aircraft) that may itself lie elsewhere."""
+
+    code: ClassVar[Sensor] = Sensor.MAP_POSE
+    mount: Mount = STRAIGHT
+    centre: tuple[float, float] = (0.0, 0.0)  # m, the place that an error of the map's yaw turns it about
+    sigma_position: float = 0.05  # m
+    sigma_heading: float = 0.04  # rad
+
+    def theta(self) -> Floats:
+        return self.mount.theta(*self.centre)
+
+    def sigmas(self) -> Floats:
+        return deviations(self, self.sigma_position, self.sigma_position, self.sigma_heading)

@@ -6,7 +6,18 @@ from types import MappingProxyType
 from typing import Final, TypeAlias, final
 
 from outrider.data.events import Kind
-from outrider.models.sensors import attitude, beacons, gnss, ground, inertial, magnetic, pose, velocity, wheels
+from outrider.models.sensors import (
+    as_printed,
+    attitude,
+    beacons,
+    gnss,
+    ground,
+    inertial,
+    magnetic,
+    pose,
+    velocity,
+    wheels,
+)
 from outrider.models.sensors.layout import MAX_ROWS, Sensor, SensorModel
 from outrider.typing import Floats
 
@@ -25,6 +36,7 @@ class Spec:
     variances : per row, the column of `Stream.var` that states its variance; -1 where none does
     angles : rows that are single angles, wrapped already; the rows of a rotation vector are not among them
     usual : an instance with usual values
+    exact : whether its Jacobian is the derivative of what it predicts; not so of what a paper prints wrongly
     """
 
     kernel: Kernel
@@ -35,6 +47,7 @@ class Spec:
     columns: tuple[int, ...]
     variances: tuple[int, ...]
     angles: tuple[int, ...] = ()
+    exact: bool = True
 
     @property
     def sensor(self) -> Sensor:
@@ -160,7 +173,33 @@ _SPECS = (
         (1, 2),
         angles=(1,),
     ),
-)
+    Spec(
+        beacons.bearing, beacons.Bearing(beacon=(0.0, 0.0, 0.0)), ("bearing",), "rad", (Kind.RANGE_BEARING,), (2,),
+        (2,), angles=_1,
+    ),
+    Spec(
+        pose.map_pose, pose.MapPose(), ("x", "y", "yaw"), "m m rad", (Kind.POSE,), (*range(7),), (0, 1, 5),
+        angles=(2,),
+    ),
+    Spec(
+        as_printed.odometry, as_printed.PrintedOdometry(), ("v_x", "v_y", "v_z", "w_x", "w_y", "w_z"),
+        "m/s m/s m/s rad/s rad/s rad/s", (Kind.TWIST,), _6, _6, exact=False,
+    ),
+    Spec(as_printed.gnss_position, as_printed.PrintedGnssPosition(), _ENU, "m", (Kind.GNSS,), _3, _3, exact=False),
+    Spec(
+        as_printed.gnss_velocity_ground, as_printed.PrintedGnssVelocityGround(), _ENU, "m/s", (Kind.GNSS_VELOCITY,),
+        _3, _3, exact=False,
+    ),
+    Spec(
+        as_printed.gnss_velocity_air, as_printed.PrintedGnssVelocityAir(), _ENU, "m/s", (Kind.GNSS_VELOCITY,), _3, _3,
+        exact=False,
+    ),
+    Spec(as_printed.gyro, as_printed.PrintedGyro(), _XYZ, "rad/s", (Kind.IMU,), _3, _3, exact=False),
+    Spec(
+        as_printed.accelerometer, as_printed.PrintedAccelerometer(), _XYZ, "m/s^2", (Kind.IMU,), _ACCEL, _ACCEL,
+        exact=False,
+    ),
+)  # fmt: skip
 
 SPECS: Final[Mapping[Sensor, Spec]] = MappingProxyType({spec.sensor: spec for spec in _SPECS})
 
