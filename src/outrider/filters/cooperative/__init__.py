@@ -1,0 +1,21 @@
+"""Robots that correct one another: one estimate for each of a team, and what they may share without fooling themselves.
+
+`fuse_team` takes everybody's records. A relative record (pose, range, bearing, range and bearing of another robot)
+corrects both; how they treat what they already share is the `Method`.
+"""
+
+from outrider.filters.cooperative.fusion import (
+    RELATIVE,
+    Member,
+    Method,
+    MotionModel,
+    Shared,
+    Source,
+    TeamEstimate,
+    fuse_team,
+    pose_rows,
+)
+
+__all__ = [
+    "RELATIVE", "Member", "Method", "MotionModel", "Shared", "Source", "TeamEstimate", "fuse_team", "pose_rows",
+]  # fmt: skip
