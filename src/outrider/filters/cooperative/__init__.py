@@ -4,17 +4,8 @@
 corrects both; how they treat what they already share is the `Method`.
 """
 
-from outrider.filters.cooperative.fusion import (
-    RELATIVE,
-    Member,
-    Method,
-    MotionModel,
-    Shared,
-    Source,
-    TeamEstimate,
-    fuse_team,
-    pose_rows,
-)
+from outrider.filters.cooperative.fusion import RELATIVE, Method, Shared, TeamEstimate, fuse_team
+from outrider.filters.cooperative.robot import Member, MotionModel, Source, pose_rows
 
 __all__ = [
     "RELATIVE", "Member", "Method", "MotionModel", "Shared", "Source", "TeamEstimate", "fuse_team", "pose_rows",

@@ -3,27 +3,21 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import Final, Protocol, final
+from typing import Final, final
 
 import numpy as np
-from scipy.special import chdtri
 
-from outrider.data import Gaussian, Verdict
+from outrider.data import Verdict
 from outrider.errors import ConfigError, DataError
-from outrider.filters.cooperative import loop
-from outrider.filters.cooperative.tables import I_SIZE, MOTION_THETA, POSES, Beliefs, Tables, scratch
-from outrider.filters.ekf import kept
+from outrider.filters.cooperative.intersection import intersect
+from outrider.filters.cooperative.meeting import Outcome, distributed, naive, sight
+from outrider.filters.cooperative.robot import Filter, Member, Records, Source, pose_rows
 from outrider.filters.state import ROWS
-from outrider.models.kinematics import T_SIZE
-from outrider.models.motion import LAYOUTS, Motion
-from outrider.models.sensors import Sensor, SensorModel
-from outrider.models.sensors.layout import THETA_SIZE
+from outrider.models.motion import LAYOUTS
+from outrider.models.sensors import Sensor
 from outrider.typing import Floats, Ints
 
 RELATIVE: Final = (Sensor.RELATIVE_POSE, Sensor.RANGE, Sensor.BEARING, Sensor.RANGE_BEARING)
-POSE_BLOCKS: Final = ("position", "heading", "yaw")
-FALSE_ALARM: Final = 1e-6  # share of good records that gates refuse
-_MEMORY: Final = 2e9  # bytes that cross-covariances may take
 
 
 class Method(Enum):
@@ -42,50 +36,10 @@ class Method(Enum):
         """Whether robots use what they measure of one another."""
         return self not in (Method.NONE, Method.LOCAL)
 
-
-_CODES: Final = {
-    Method.NONE: loop.NAIVE, Method.LOCAL: loop.NAIVE, Method.NAIVE: loop.NAIVE, Method.CI: loop.CI,
-    Method.SPLIT_CI: loop.SPLIT_CI, Method.DISTRIBUTED: loop.DISTRIBUTED, Method.JOINT: loop.JOINT,
-}  # fmt: skip
-
-
-class MotionModel(Protocol):
-    """The parameters of a process model."""
-
-    def theta(self) -> Floats:
-        """As its kernel reads them."""
-        ...
-
-
-@final
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Member:
-    """One robot. belief : at the start, in the layout of its motion;  consider : states whose value stays as it is."""
-
-    name: str
-    motion: Motion
-    model: MotionModel
-    belief: Gaussian
-    consider: tuple[str, ...] = ()
-
-
-@final
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Source:
-    """The records of one sensor of one robot.
-
-    t : (n,) s, not decreasing;  z : (n, columns) as the sensor's kernel reads them;  sensor : None for an IMU that
-    drives the prediction;  sigmas : (m,) of each row, instead of the sensor's own; infinite: not in use
-    partner : who is seen, for a relative sensor;  navigation : whether `Method.NONE` has it too
-    """
-
-    robot: str
-    sensor: SensorModel | None
-    t: Floats
-    z: Floats
-    sigmas: Floats | None = None
-    partner: str = ""
-    navigation: bool = True
+    @property
+    def carries(self) -> bool:
+        """Whether a robot keeps track of what happened to its errors since the last exchange."""
+        return self in (Method.DISTRIBUTED, Method.SPLIT_CI)
 
 
 @final
@@ -93,16 +47,15 @@ class Source:
 class TeamEstimate:
     """Estimates of everybody at common times, and what became of every record.
 
-    t : (k,) s;  x : name -> (k, states);  variance : name -> (k, errors);  pose : name -> (k, p, p) covariance of
-    position and heading;  verdict, nis, dof : of each record, in the order of `source` (index) and time
+    t : (k,) s;  x : name -> (k, states);  P : name -> (k, n, n)
+    source, verdict, nis, dof : of each record by time; `source` counts those that were given
     """
 
     method: Method
     members: Mapping[str, Member]
     t: Floats
     x: Mapping[str, Floats]
-    variance: Mapping[str, Floats]
-    pose: Mapping[str, Floats]
+    P: Mapping[str, Floats]
     source: Ints
     verdict: Ints
     nis: Floats
@@ -112,6 +65,11 @@ class TeamEstimate:
         """How many records came to what."""
         values, n = np.unique(self.verdict, return_counts=True)
         return {Verdict(int(v)): int(c) for v, c in zip(values, n, strict=True)}
+
+    def pose_covariance(self, name: str) -> Floats:
+        """(k, p, p) of position and heading."""
+        rows = pose_rows(self.members[name])
+        return self.P[name][:, rows[:, None], rows]
 
 
 @final
@@ -126,15 +84,6 @@ class Shared:
     covariance: Floats
 
 
-def pose_rows(member: Member) -> Ints:
-    """Error rows of position and heading; of an attitude, its rotation about the body's z."""
-    layout = member.belief.layout
-    rows = [np.arange(layout.error(b).start, layout.error(b).stop) for b in POSE_BLOCKS if b in layout]
-    if "attitude" in layout:
-        rows.append(np.array([layout.error("attitude").stop - 1]))
-    return np.concatenate(rows).astype(np.int64)
-
-
 def fuse_team(
     members: Sequence[Member],
     sources: Sequence[Source],
@@ -144,46 +93,130 @@ def fuse_team(
     shared: Sequence[Shared] = (),
     start: float | None = None,
 ) -> TeamEstimate:
-    """Estimate every member at the times t (k,) [s].
+    """Estimate every member at the times t (k,) [s], not decreasing.
 
     shared : correlations at the start, which only `DISTRIBUTED` and `JOINT` know how to use
     start : s, of the beliefs; the first record otherwise
 
-    Raises `ConfigError` for a robot that nobody knows, one that sees itself, a sensor that cannot look at a robot;
-    `DataError` for a covariance that is none, times that run backwards.
+    Of records of one time those of robots alone come first. Raises `ConfigError` for a robot that nobody knows, one
+    that sees itself, a sensor that cannot look at a robot; `DataError` for a covariance that is none, or times that
+    run backwards.
     """
     names = [m.name for m in members]
     _check_members(members, names)
-    used = [s for s in sources if (method.shares or not s.partner) and (s.navigation or method is not Method.NONE)]
-    for s in used:
+    for s in sources:
         _check_source(s, names)
-    tables = _tables(members, used, names)
-    order, records = _records(used)
-    first = start if start is not None else (float(records.t[0]) if records.t.size else 0.0)
-    beliefs = _beliefs(members, tables, method, first, shared, names)
-    n, n_x = tables.keep.size, beliefs.x.size
-    kept_at = np.ascontiguousarray(t, np.float64)
-    estimates = loop.Estimates(
-        kept_at, np.zeros((t.size, n_x)), np.zeros((t.size, n)), np.zeros((t.size, len(members), POSES, POSES))
-    )
-    out = np.zeros((records.t.size, 3))
-    out[:, 1] = np.nan
-    work = scratch(tables.index, method is Method.JOINT)
-    loop.run(_CODES[method], tables, beliefs, work, records, estimates, out)
-    return _estimate(method, members, tables, estimates, order, out)
+    common = [_common(s, members, names) for s in shared]
+    used = [k for k, s in enumerate(sources) if _has(method, s)]
+    records = _records(sources, used)
+    first = start if start is not None else float(records.t[0]) if records.t.size else 0.0
+    at = np.ascontiguousarray(t, np.float64)
+    end = max(at[-1] if at.size else first, records.t[-1] if records.t.size else first) + 1e-9
+    if method is Method.JOINT:
+        filters = [Filter(members, sources, records, at, first)]
+        _correlate(filters[0], common)
+        filters[0].run(end)
+        out = filters[0].out
+    else:
+        filters, out = _apart(members, sources, method, records, at, first, end, common)
+    x, P = _split(members, filters)
+    return TeamEstimate(
+        method=method, members={m.name: m for m in members}, t=at, x=x, P=P, source=records.source,
+        verdict=out[:, 0].astype(np.int64), nis=out[:, 1], dof=np.nan_to_num(out[:, 2]).astype(np.int64),
+    )  # fmt: skip
+
+
+def _has(method: Method, s: Source) -> bool:
+    """Whether a method uses these records."""
+    return (method.shares or not s.partner) and (s.navigation or method is not Method.NONE)
+
+
+def _apart(
+    members: Sequence[Member],
+    sources: Sequence[Source],
+    method: Method,
+    records: Records,
+    at: Floats,
+    start: float,
+    end: float,
+    common: Sequence[tuple[int, int, Floats]],
+) -> tuple[list[Filter], Floats]:
+    """Every robot has a filter of its own, and they meet. Each runs only when it meets somebody, and at the end."""
+    names = [m.name for m in members]
+    owner = np.array([names.index(s.robot) for s in sources], np.int64)
+    seen = np.array([names.index(s.partner) if s.partner else -1 for s in sources], np.int64)
+    alone = seen[records.source] < 0
+    filters: list[Filter] = []
+    mine: list[Ints] = []
+    for i, m in enumerate(members):
+        mine.append(np.flatnonzero(alone & (owner[records.source] == i)))
+        own = [k for k, s in enumerate(sources) if s.robot == m.name and not s.partner]
+        number = {k: n for n, k in enumerate(own)}
+        part = Records(
+            t=records.t[mine[i]], source=np.array([number[k] for k in records.source[mine[i]].tolist()], np.int64),
+            z=records.z[mine[i]], r=records.r[mine[i]],
+        )  # fmt: skip
+        filters.append(Filter([m], [sources[k] for k in own], part, at, start, carries=method.carries))
+    for i, j, C in common if method is Method.DISTRIBUTED else ():
+        filters[i].factors[j], filters[j].factors[i] = C, np.eye(C.shape[1])
+    out = np.full((records.t.size, 3), np.nan)
+    models = {k: (s.sensor.theta(), int(s.sensor.code)) for k, s in enumerate(sources) if s.partner and s.sensor}
+    for e in np.flatnonzero(~alone).tolist():
+        k = int(records.source[e])
+        i, j, now = int(owner[k]), int(seen[k]), float(records.t[e])
+        theta, code = models[k]
+        if now < start:
+            out[e] = Verdict.NOT_ALIGNED, np.nan, 0
+            continue
+        filters[i].run(now)
+        filters[j].run(now)
+        out[e] = _meet(method, filters, i, j, code, theta, records.z[e], records.r[e])
+    for f, rows in zip(filters, mine, strict=True):
+        f.run(end)
+        out[rows] = f.out
+    return filters, out
+
+
+def _meet(
+    method: Method, filters: Sequence[Filter], i: int, j: int, code: int, theta: Floats, z: Floats, r: Floats
+) -> Outcome:
+    """Robot i has seen robot j."""
+    if method is Method.DISTRIBUTED:
+        return distributed(filters[i], filters[j], i, j, code, theta, z, r)
+    s = sight(filters[i], filters[j], code, theta, z, r)
+    if method is Method.NAIVE:
+        return naive(filters[i], filters[j], s)
+    return intersect(filters[i], filters[j], s, split=method is Method.SPLIT_CI)
+
+
+def _correlate(joint: Filter, common: Sequence[tuple[int, int, Floats]]) -> None:
+    starts = joint.group.index[:, 3]
+    for i, j, C in common:
+        a, b = slice(starts[i], starts[i] + C.shape[0]), slice(starts[j], starts[j] + C.shape[1])
+        joint.belief.P[a, b] += C
+        joint.belief.P[b, a] += C.T
+
+
+def _split(members: Sequence[Member], filters: Sequence[Filter]) -> tuple[dict[str, Floats], dict[str, Floats]]:
+    x: dict[str, Floats] = {}
+    P: dict[str, Floats] = {}
+    for f in filters:
+        for m, (_, i, n_x, e, n, _, _) in zip(f.members, f.group.index.tolist(), strict=True):
+            x[m.name], P[m.name] = f.x[:, i : i + n_x], f.P[:, e : e + n, e : e + n]
+    return x, P
 
 
 def _check_members(members: Sequence[Member], names: Sequence[str]) -> None:
     if not members or len(set(names)) < len(names):
         raise ConfigError("a team needs robots, each with a name of its own", fix=f"the names are {', '.join(names)}")
     for m in members:
+        where, P = f"robot {m.name}", m.belief.P
         if m.belief.layout is not LAYOUTS[m.motion]:
-            raise ConfigError(f"its belief is not one of {m.motion.name}", where=f"robot {m.name}")
-        P = m.belief.P
+            raise ConfigError(f"its belief is not one of {m.motion.name.lower()}", where=where)
         if not (np.isfinite(P).all() and np.isfinite(m.belief.x).all()):
-            raise DataError("its first belief is not finite", where=f"robot {m.name}")
-        if not np.allclose(P, P.T) or np.linalg.eigvalsh(P)[0] < -1e-9 * max(float(np.trace(P)), 1e-300):
-            raise DataError("its first covariance is not positive definite", where=f"robot {m.name}")
+            raise DataError("its first belief is not finite", where=where, fix="give numbers for state and covariance")
+        if not np.allclose(P, P.T) or np.linalg.eigvalsh(P)[0] < -1e-9 * float(np.trace(P)):
+            raise DataError("its first covariance is not positive definite", where=where, fix="give variances >= 0")
 
 
 def _check_source(s: Source, names: Sequence[str]) -> None:
@@ -193,109 +226,35 @@ def _check_source(s: Source, names: Sequence[str]) -> None:
         if name not in names:
             raise ConfigError(f"no robot '{name}'", where=where, fix=f"the team is {', '.join(names)}")
     if s.partner == s.robot:
-        raise ConfigError("a robot cannot measure itself as its partner", where=where, fix="name the other robot")
+        raise ConfigError("a robot cannot measure itself", where=where, fix="name the other robot as partner")
     if s.partner and (s.sensor is None or s.sensor.code not in RELATIVE):
         known = ", ".join(c.name.lower() for c in RELATIVE)
         raise ConfigError("this sensor does not look at robots", where=where, fix=f"those that do are {known}")
     if not np.isfinite(s.t).all() or (np.diff(s.t) < 0.0).any():
         raise DataError("its times run backwards or are not finite", where=where, fix="sort the records by time")
     if s.z.ndim != 2 or s.z.shape[0] != s.t.size or s.z.shape[1] > ROWS:
-        raise DataError(f"records of shape {s.z.shape} for {s.t.size} times", where=where)
+        raise DataError(f"records of shape {s.z.shape} for {s.t.size} times", where=where, fix="one row for each time")
 
 
-def _tables(members: Sequence[Member], sources: Sequence[Source], names: Sequence[str]) -> Tables:
-    index, rows, whole, poses = np.zeros((len(members), I_SIZE), np.int64), [], [], []
-    theta = np.zeros((len(members), MOTION_THETA))
-    n_x = n = square = table = pose = 0
-    for i, m in enumerate(members):
-        layout, own, parameters = m.belief.layout, pose_rows(m), m.model.theta()
-        k, x = layout.error_size, layout.size
-        theta[i, : parameters.size] = parameters
-        index[i] = [
-            int(m.motion),
-            n_x,
-            x,
-            n,
-            k,
-            square,
-            T_SIZE * n,
-            square + n,
-            table,
-            len(layout.table),
-            pose,
-            own.size,
-        ]
-        rows.append(layout.table)
-        shift = layout.table.copy()
-        shift[:, 1] += n_x
-        shift[:, 2] += np.where(shift[:, 0] == 3, 0, n)
-        whole.append(shift)
-        poses.append(own)
-        n_x, n, square, table, pose = n_x + x, n + k, square + k * k, table + len(layout.table), pose + own.size
-    sensors = [s.sensor for s in sources]
-    gate = np.full((max(len(sources), 1), ROWS + 1), np.inf)
-    gate[:, 1:] = chdtri(np.arange(1, ROWS + 1), FALSE_ALARM)
-    parameters = [np.zeros(THETA_SIZE) if s is None else s.theta() for s in sensors]
-    return Tables(
-        index=index, theta=theta, table=np.concatenate(rows), rotations=np.ascontiguousarray(np.concatenate(whole)),
-        keep=np.concatenate([kept(m.belief.layout, m.consider) for m in members]), pose=np.concatenate(poses),
-        code=np.array([-1 if s is None else int(s.code) for s in sensors], np.int64),
-        member=np.array([names.index(s.robot) for s in sources], np.int64),
-        partner=np.array([names.index(s.partner) if s.partner else -1 for s in sources], np.int64),
-        parameters=np.array(parameters).reshape(-1, THETA_SIZE), gate=gate,
-    )  # fmt: skip
-
-
-def _records(sources: Sequence[Source]) -> tuple[Ints, loop.Records]:
-    """All records by time; at one time in the order of the sources. Those that are not finite have no rows."""
-    t = np.concatenate([s.t for s in sources] or [np.zeros(0)]).astype(np.float64)
-    which = np.repeat(np.arange(len(sources), dtype=np.int64), [s.t.size for s in sources])
+def _records(sources: Sequence[Source], used: Sequence[int]) -> Records:
+    """All records by time, at one time relative ones last. Those that are not finite have no rows."""
+    t = np.concatenate([sources[k].t for k in used] or [np.zeros(0)]).astype(np.float64)
+    which = np.repeat(np.array(used, np.int64), [sources[k].t.size for k in used])
     z, r = np.zeros((t.size, ROWS)), np.full((t.size, ROWS), np.inf)
+    last = np.zeros(t.size, np.bool_)
     first = 0
-    for s in sources:
+    for k in used:
+        s = sources[k]
         rows = slice(first, first + s.t.size)
-        z[rows, : s.z.shape[1]] = s.z
+        z[rows, : s.z.shape[1]], last[rows] = s.z, bool(s.partner)
         if s.sensor is not None:
             sigmas = s.sensor.sigmas() if s.sigmas is None else np.asarray(s.sigmas, np.float64)
             r[rows, : sigmas.size] = sigmas**2
         first += s.t.size
     bad = ~np.isfinite(z).all(axis=1)
     z[bad], r[bad] = 0.0, np.inf
-    order = np.argsort(t, kind="stable")
-    return which[order], loop.Records(t[order], which[order], z[order], r[order])
-
-
-def _beliefs(
-    members: Sequence[Member], t: Tables, method: Method, start: float, shared: Sequence[Shared], names: Sequence[str]
-) -> Beliefs:
-    N, n, sizes = len(members), t.keep.size, t.index[:, 4]
-    squares, most = int((sizes * sizes).sum()), int(sizes.max())
-    whole = np.zeros((n, n) if method is Method.JOINT else (1, 1))
-    pairs = method is Method.DISTRIBUTED
-    if max(whole.nbytes, 8 * N * N * most * most * pairs) > _MEMORY:
-        raise ConfigError(f"{N} robots are too many for this method", fix="try fewer, or covariance intersection")
-    factor = np.zeros((N, N, most * most) if pairs else (1, 1, 1))
-    met = np.zeros((N, N), np.int64)
-    first = t.index[:, 3]
-    if method is Method.JOINT:
-        for i, m in enumerate(members):
-            whole[first[i] : first[i] + sizes[i], first[i] : first[i] + sizes[i]] = m.belief.P
-    for s in shared:
-        i, j, C = _common(s, members, names)
-        if method is Method.JOINT:
-            a, b = slice(first[i], first[i] + sizes[i]), slice(first[j], first[j] + sizes[j])
-            whole[a, b] += C
-            whole[b, a] += C.T
-        elif pairs:
-            factor[i, j, : C.size] += C.ravel()
-            factor[j, i, : sizes[j] ** 2] = np.eye(sizes[j]).ravel()
-            met[i, j] = met[j, i] = 1
-    return Beliefs(
-        x=np.concatenate([m.belief.x for m in members]), P=np.concatenate([m.belief.P.ravel() for m in members]),
-        whole=whole, clock=np.full(N, start), u=np.zeros((N, 6)), fed=np.zeros((N, 6)),
-        carried=np.concatenate([np.eye(int(k)).ravel() for k in sizes]), told=np.zeros(squares), heard=np.zeros(n),
-        before=np.zeros(squares), factor=factor, met=met,
-    )  # fmt: skip
+    order = np.lexsort((last, t))
+    return Records(t=t[order], source=which[order], z=z[order], r=r[order])
 
 
 def _common(s: Shared, members: Sequence[Member], names: Sequence[str]) -> tuple[int, int, Floats]:
@@ -306,19 +265,4 @@ def _common(s: Shared, members: Sequence[Member], names: Sequence[str]) -> tuple
     a, b = members[i].belief.layout, members[j].belief.layout
     C = np.zeros((a.error_size, b.error_size))
     C[a.error(s.one_block), b.error(s.two_block)] = s.covariance
-    return (i, j, C) if i < j else (j, i, np.ascontiguousarray(C.T))
-
-
-def _estimate(
-    method: Method, members: Sequence[Member], t: Tables, e: loop.Estimates, order: Ints, out: Floats
-) -> TeamEstimate:
-    x, variance, pose = {}, {}, {}
-    for i, m in enumerate(members):
-        row = t.index[i].tolist()
-        x[m.name] = e.x[:, row[1] : row[1] + row[2]]
-        variance[m.name] = e.variance[:, row[3] : row[3] + row[4]]
-        pose[m.name] = e.pose[:, i, : row[11], : row[11]]
-    return TeamEstimate(
-        method=method, members={m.name: m for m in members}, t=e.t, x=x, variance=variance, pose=pose, source=order,
-        verdict=out[:, 0].astype(np.int64), nis=out[:, 1], dof=out[:, 2].astype(np.int64),
-    )  # fmt: skip
+    return i, j, C
