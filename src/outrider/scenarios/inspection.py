@@ -42,6 +42,7 @@ class Faults:
     gnss_bias : m per axis, constant, or Gauss-Markov with gnss_time [s];  common : the same for both robots
     aircraft : m per axis, aircraft_yaw : rad, how far it stands from where the map says
     gravity : whether accelerometers feel it: in the paper they do not
+    world_odometry : whether wheels tell velocities in the world: the paper's must, since its filter takes them for that
     """
 
     gnss_bias: float = 0.0
@@ -52,6 +53,7 @@ class Faults:
     gyro_bias: float = 0.005  # rad/s
     accel_bias: float = 0.05  # m/s^2
     gravity: bool = True
+    world_odometry: bool = False
 
 
 @final
@@ -169,7 +171,9 @@ def _own(seed: int, robot: str, way: Tours, faults: Faults, tuning: Tuning) -> l
         add(s.Baro(sigma=BARO), every, truth.p[every, 2:3] + noise("baro", every.size, 1, BARO))
     else:
         draws = noise("wheels", every.size, 3, 1.0) * [ODOMETRY, ODOMETRY, ODOMETRY_RATE]
-        own = rotate(quats_conjugate(truth.q[every]), truth.v[every])
+        own = truth.v[every]
+        if not faults.world_odometry:
+            own = rotate(quats_conjugate(truth.q[every]), own)
         z = np.zeros((every.size, 6))
         z[:, :2], z[:, 5] = own[:, :2] + draws[:, :2], truth.w[every, 2] + draws[:, 2]
         sigmas = np.array([ODOMETRY, ODOMETRY, _INF, _INF, _INF, ODOMETRY_RATE])

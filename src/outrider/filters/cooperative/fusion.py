@@ -10,7 +10,7 @@ import numpy as np
 from outrider.data import Verdict
 from outrider.errors import ConfigError, DataError
 from outrider.filters.cooperative.intersection import intersect
-from outrider.filters.cooperative.meeting import Outcome, distributed, naive, sight
+from outrider.filters.cooperative.meeting import Outcome, factored, naive, sight
 from outrider.filters.cooperative.robot import Filter, Member, Records, Source, pose_rows
 from outrider.filters.state import ROWS
 from outrider.models.motion import LAYOUTS
@@ -28,7 +28,8 @@ class Method(Enum):
     NAIVE = "the partner's estimate taken for independent: unsafe, too sure of itself"
     CI = "covariance intersection: safe for any correlation, and cautious"
     SPLIT_CI = "split covariance intersection: safe for robots that talk both ways"
-    DISTRIBUTED = "cross-covariances kept in factors by the robots; only the two that meet talk"
+    FACTORED = "cross-covariances kept in factors: exact for two robots, too sure of itself for more"
+    DISTRIBUTED = "exact for two that met nobody else, split covariance intersection with others: only two talk, safe"
     JOINT = "one filter for the whole team: the reference, as large as the team"
 
     @property
@@ -39,7 +40,7 @@ class Method(Enum):
     @property
     def carries(self) -> bool:
         """Whether a robot keeps track of what happened to its errors since the last exchange."""
-        return self in (Method.DISTRIBUTED, Method.SPLIT_CI)
+        return self in (Method.SPLIT_CI, Method.FACTORED, Method.DISTRIBUTED)
 
 
 @final
@@ -95,7 +96,7 @@ def fuse_team(
 ) -> TeamEstimate:
     """Estimate every member at the times t (k,) [s], not decreasing.
 
-    shared : correlations at the start, which only `DISTRIBUTED` and `JOINT` know how to use
+    shared : correlations at the start, which only `JOINT`, `FACTORED` and `DISTRIBUTED` know how to use
     start : s, of the beliefs; the first record otherwise
 
     Of records of one time those of robots alone come first. Raises `ConfigError` for a robot that nobody knows, one
@@ -157,8 +158,10 @@ def _apart(
             z=records.z[mine[i]], r=records.r[mine[i]],
         )  # fmt: skip
         filters.append(Filter([m], [sources[k] for k in own], part, at, start, carries=method.carries))
-    for i, j, C in common if method is Method.DISTRIBUTED else ():
+    for i, j, C in common if method in (Method.FACTORED, Method.DISTRIBUTED) else ():
         filters[i].factors[j], filters[j].factors[i] = C, np.eye(C.shape[1])
+        for robot in (filters[i], filters[j]):
+            robot.before[...] = robot.belief.P
     out = np.full((records.t.size, 3), np.nan)
     models = {k: (s.sensor.theta(), int(s.sensor.code)) for k, s in enumerate(sources) if s.partner and s.sensor}
     for e in np.flatnonzero(~alone).tolist():
@@ -181,16 +184,22 @@ def _meet(
     method: Method, filters: Sequence[Filter], i: int, j: int, code: int, theta: Floats, z: Floats, r: Floats
 ) -> Outcome:
     """Robot i has seen robot j."""
-    if method is Method.DISTRIBUTED:
-        return distributed(filters[i], filters[j], i, j, code, theta, z, r)
+    if method is Method.FACTORED or (method is Method.DISTRIBUTED and _among_themselves(filters, i, j)):
+        return factored(filters[i], filters[j], i, j, code, theta, z, r)
     s = sight(filters[i], filters[j], code, theta, z, r)
     if method is Method.NAIVE:
         return naive(filters[i], filters[j], s)
-    return intersect(filters[i], filters[j], s, split=method is Method.SPLIT_CI)
+    return intersect(filters[i], filters[j], s, split=method is not Method.CI)
+
+
+def _among_themselves(filters: Sequence[Filter], i: int, j: int) -> bool:
+    """Whether two robots know all of their correlations: neither has met anybody but the other."""
+    one, two = filters[i], filters[j]
+    return not (one.mixed or two.mixed) and one.factors.keys() <= {j} and two.factors.keys() <= {i}
 
 
 def _correlate(joint: Filter, common: Sequence[tuple[int, int, Floats]]) -> None:
-    starts = joint.group.index[:, 3]
+    starts = joint.group.rows[:, 3]
     for i, j, C in common:
         a, b = slice(starts[i], starts[i] + C.shape[0]), slice(starts[j], starts[j] + C.shape[1])
         joint.belief.P[a, b] += C
@@ -201,7 +210,7 @@ def _split(members: Sequence[Member], filters: Sequence[Filter]) -> tuple[dict[s
     x: dict[str, Floats] = {}
     P: dict[str, Floats] = {}
     for f in filters:
-        for m, (_, i, n_x, e, n, _, _) in zip(f.members, f.group.index.tolist(), strict=True):
+        for m, (_, i, n_x, e, n, _, _) in zip(f.members, f.group.rows.tolist(), strict=True):
             x[m.name], P[m.name] = f.x[:, i : i + n_x], f.P[:, e : e + n, e : e + n]
     return x, P
 

@@ -29,7 +29,7 @@ from outrider.models.sensors.layout import OWN, THETA_SIZE
 from outrider.typing import Floats, Ints
 
 LONGEST: Final = 0.1  # s, of one step of the prediction
-# columns of Group.index
+# columns of Group.rows
 I_CODE, I_X, I_NX, I_E, I_N, I_TABLE, I_TABLES = range(7)
 _USED, _GATED, _DIVERGED, _INPUT = int(Verdict.USED), int(Verdict.GATED), int(Verdict.DIVERGED), int(Verdict.INPUT)
 _NOT_OBSERVING, _NOT_ALIGNED = int(Verdict.NOT_OBSERVING), int(Verdict.NOT_ALIGNED)
@@ -38,7 +38,7 @@ _NOT_OBSERVING, _NOT_ALIGNED = int(Verdict.NOT_OBSERVING), int(Verdict.NOT_ALIGN
 class Group(NamedTuple):
     """Members and sources, which do not change."""
 
-    index: Ints  # (members, 7): motion, then first index and count of states, errors, rows of the block table
+    rows: Ints  # (members, 7): motion, then first index and count of states, errors, rows of the block table
     theta: Floats  # (members, parameters)
     table: Ints  # (rows, 4) block tables, one after another, each from 0
     rotations: Ints  # (rows, 4) of them the rotations, with their rows among all errors
@@ -106,12 +106,12 @@ def advance(g: Group, b: Belief, ws: Scratch, now: float) -> None:
     while now > b.clock[0]:
         left = now - b.clock[0]
         dt = min(left, LONGEST)
-        for i in range(g.index.shape[0]):
-            e, x = g.index[i, I_E], g.index[i, I_X]
+        for i in range(g.rows.shape[0]):
+            e, x = g.rows[i, I_E], g.rows[i, I_X]
             F, Q = ws.F[i], ws.Q[i]
-            propagate(g.index[i, I_CODE], b.x[x : x + g.index[i, I_NX]], dt, b.u[i], g.theta[i], F, Q)
-            for r in range(g.index[i, I_N]):
-                for c in range(g.index[i, I_N]):
+            propagate(g.rows[i, I_CODE], b.x[x : x + g.rows[i, I_NX]], dt, b.u[i], g.theta[i], F, Q)
+            for r in range(g.rows[i, I_N]):
+                for c in range(g.rows[i, I_N]):
                     ws.F_all[e + r, e + c], ws.Q_all[e + r, e + c] = F[r, c], Q[r, c]
         propagate_covariance(b.P, ws.F_all, ws.Q_all, ws.w)
         if b.carried.shape[0] == n:
@@ -125,8 +125,8 @@ def advance(g: Group, b: Belief, ws: Scratch, now: float) -> None:
 @kernel
 def look(g: Group, b: Belief, ws: Scratch, i: int) -> None:
     """Kinematic view of member i."""
-    x = g.index[i, I_X]
-    kinematic_view(g.index[i, I_CODE], b.x[x : x + g.index[i, I_NX]], b.u[i], g.theta[i], ws.k[i], ws.K[i])
+    x = g.rows[i, I_X]
+    kinematic_view(g.rows[i, I_CODE], b.x[x : x + g.rows[i, I_NX]], b.u[i], g.theta[i], ws.k[i], ws.K[i])
 
 
 @kernel
@@ -179,9 +179,9 @@ def measure(g: Group, b: Belief, ws: Scratch, src: int, z: Floats, r: Floats) ->
     for side in range(sides):
         who = i if side == 0 else j
         chain(ws.D[side], ws.K[who], m, ws.H[side])
-        e = g.index[who, I_E]
+        e = g.rows[who, I_E]
         for k in range(m):
-            for c in range(g.index[who, I_N]):
+            for c in range(g.rows[who, I_N]):
                 ws.H_all[k, e + c] = ws.H[side, k, c]
     return m
 
@@ -228,9 +228,9 @@ def absorb(g: Group, b: Belief, ws: Scratch, src: int, z: Floats, r: Floats, out
                     w.M[i, j] = b.P[i, j]
     mirror(w.M, b.P)
     transport(b.P, w.dx, g.rotations, False, w.J)
-    for i in range(g.index.shape[0]):
-        x, e, a = g.index[i, I_X], g.index[i, I_E], g.index[i, I_TABLE]
-        retract(b.x[x : x + g.index[i, I_NX]], w.dx[e : e + g.index[i, I_N]], g.table[a : a + g.index[i, I_TABLES]])
+    for i in range(g.rows.shape[0]):
+        x, e, a = g.rows[i, I_X], g.rows[i, I_E], g.rows[i, I_TABLE]
+        retract(b.x[x : x + g.rows[i, I_NX]], w.dx[e : e + g.rows[i, I_N]], g.table[a : a + g.rows[i, I_TABLES]])
     if carries:
         turn_rows(b.carried, w.dx, g.rotations, w.J)
 

@@ -7,9 +7,11 @@ Lambda, xi of both as in `group`; with l = s' Lambda s and h = s' xi of each, al
     P_ii <- P_ii - S_i (I - l_j l_i)^-1 l_j S_i',   P_ij = S_i (I - l_j l_i)^-1 S_j',
 
 and the same with i and j exchanged: both errors conditioned on both robots' innovations, each white, and correlated
-through s_i s_j' only. Robots keep factors of their correlations as Luft et al. 2018 do, and as there those of third
-parties follow by P_new P_old^-1: exact if these know of the partner only through this robot. Derivation and code are
-our own.
+through s_i s_j' only. Derivation and code are our own.
+
+With third parties no two robots can know what they share without asking these. `factored` lets their factors follow by
+P_new P_old^-1, the idea of Luft et al. 2018: right if they know of the partner only through this robot, and else too
+sure. `fusion` therefore leaves it to the exact pair, and turns to covariance intersection where others are concerned.
 """
 
 from typing import NamedTuple
@@ -108,7 +110,7 @@ def catch_up(i: Filter, j: Filter, s_i: Floats, s_j: Floats) -> Floats:
     return S_i @ A @ S_j.T
 
 
-def distributed(i: Filter, j: Filter, a: int, b: int, code: int, theta: Floats, z: Floats, r: Floats) -> Outcome:
+def factored(i: Filter, j: Filter, a: int, b: int, code: int, theta: Floats, z: Floats, r: Floats) -> Outcome:
     """Robot i (number a) has seen robot j (number b): fuse with their cross-covariance."""
     old_i, old_j = i.belief.P.copy(), j.belief.P.copy()
     known = b in i.factors
@@ -135,4 +137,5 @@ def _settle(robot: Filter, partner: int, old: Floats) -> None:
         change = np.linalg.solve(whole, robot.belief.P).T @ robot.belief.carried
         for k in others:
             robot.factors[k] = change @ robot.factors[k]
+    robot.before[...] = robot.belief.P
     robot.forget()

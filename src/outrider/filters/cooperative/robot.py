@@ -87,7 +87,8 @@ class Filter:
     """The filter of a group of members (most often of one) over its own records, kept between calls.
 
     x, P : state and covariance of all members;  Psi, told, heard : see `group`, if it `carries` them
-    factors : partner -> s_ij with P_ij = s_ij s_ji';  before : covariance after the last exchange
+    factors : partner -> s_ij with P_ij = s_ij s_ji';  mixed : whether there are correlations that it does not know
+    before : covariance after the last exchange
     """
 
     def __init__(
@@ -98,15 +99,16 @@ class Filter:
         self.group = _group(members, sources)
         n, N = self.group.keep.size, len(members)
         P = np.zeros((n, n))
-        for m, row in zip(members, self.group.index.tolist(), strict=True):
+        for m, row in zip(members, self.group.rows.tolist(), strict=True):
             P[row[I_E] : row[I_E] + row[I_N], row[I_E] : row[I_E] + row[I_N]] = m.belief.P
         own = n if carries else 0
         self.belief = Belief(
             x=np.concatenate([m.belief.x for m in members]), P=P, clock=np.array([start]), u=np.zeros((N, 6)),
             fed=np.zeros((N, 6)), carried=np.eye(own), told=np.zeros((own, own)), heard=np.zeros(own),
         )  # fmt: skip
-        self.work = group.scratch(self.group.index, carries)
+        self.work = group.scratch(self.group.rows, carries)
         self.factors: dict[int, Floats] = {}
+        self.mixed = False
         self.before = np.zeros((n, n))
         self.x, self.P = np.zeros((at.size, self.belief.x.size)), np.zeros((at.size, n, n))
         self.out = np.full((records.t.size, 3), np.nan)
@@ -168,7 +170,7 @@ def _group(members: Sequence[Member], sources: Sequence[Source]) -> Group:
         rotations.append(layout.table[layout.table[:, 0] == Manifold.ROTATION] + [0, 0, n, 0])
         n_x, n, row = n_x + layout.size, n + layout.error_size, row + len(layout.table)
     return Group(
-        index=index, theta=theta, table=np.concatenate(tables),
+        rows=index, theta=theta, table=np.concatenate(tables),
         rotations=np.ascontiguousarray(np.concatenate(rotations)),
         keep=np.concatenate([kept(m.belief.layout, m.consider) for m in members]),
         code=np.array([-1 if s.sensor is None else int(s.sensor.code) for s in sources], np.int64),
