@@ -18,7 +18,7 @@ from outrider.plot.style import to_svg
 
 @pytest.fixture(scope="module")
 def html() -> str:
-    return page(*make_document([find_paper(name) for name in paper_names()], Work()))
+    return page(*make_document([find_paper(name) for name in paper_names()], Work(seeds=0)))
 
 
 def test_nothing_from_outside_and_every_link_leads_somewhere(html: str) -> None:
@@ -31,7 +31,7 @@ def test_nothing_from_outside_and_every_link_leads_somewhere(html: str) -> None:
 
 
 def test_everything_of_the_document_is_on_the_page(html: str) -> None:
-    document, _ = make_document([find_paper(name) for name in paper_names()], Work())
+    document, _ = make_document([find_paper(name) for name in paper_names()], Work(seeds=0))
     parsed = Page(html)
     text = " ".join(" ".join(parsed.text).split())
     for paper in document["papers"]:

@@ -199,8 +199,8 @@ def papers(
         typer.Option(
             "--seeds",
             metavar="N",
-            parser=parse.whole("--seeds", 1),
-            help="Runs per case, instead of each experiment's number.",
+            parser=parse.whole("--seeds"),
+            help="Runs per case, instead of each experiment's number; 0 simulates nothing.",
         ),
     ] = None,
     workers: Annotated[
