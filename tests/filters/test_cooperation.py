@@ -14,7 +14,7 @@ from outrider.data import Gaussian, Verdict
 from outrider.errors import ConfigError, DataError
 from outrider.filters.cooperative import RELATIVE, Member, Method, Shared, Source, TeamEstimate, fuse_team
 from outrider.filters.cooperative.meeting import sight
-from outrider.filters.cooperative.robot import Filter, Records
+from outrider.filters.cooperative.robot import FALSE_ALARM, Filter, Records, gates
 from outrider.models import sensors as s
 from outrider.models.motion import LAYOUTS, DriftingRover, EulerBody, LaggedFollower, Motion, PlanarRobot, StrapdownIns
 from outrider.models.sensors import Sensor, SensorModel
@@ -185,9 +185,8 @@ def alone(motion: Motion, rng: np.random.Generator, place: Floats) -> Filter:
     retract(x, 0.4 * rng.normal(size=layout.error_size), layout.table)
     x[layout.state("position")] += place[: 2 if "heading" in layout else 3]
     belief = Gaussian(x, 0.01 * np.eye(layout.error_size), layout)
-    return Filter(
-        [Member(name="r", motion=motion, model=MODELS[motion], belief=belief)], [], NO_RECORDS, np.zeros(0), 0.0
-    )
+    member = Member(name="r", motion=motion, model=MODELS[motion], belief=belief)
+    return Filter([member], [], NO_RECORDS, np.zeros(0), 0.0, gate=gates(FALSE_ALARM))
 
 
 @pytest.mark.parametrize("sensor", RELATIVE, ids=lambda c: c.name)
@@ -260,6 +259,10 @@ def test_a_wild_record_of_a_partner_is_refused_by_name(method: Method, rng: np.r
     done = fused((team[0], [*team[1], wild], team[2]), method, np.array([2.9]))
     assert done.verdict[done.source == 4].tolist() == [Verdict.GATED]
     np.testing.assert_allclose(done.x["r0"], clean.x["r0"], atol=1e-6)
+    if method is Method.JOINT:
+        swallowed = fused((team[0], [*team[1], wild], team[2]), method, np.array([2.9]), false_alarm=0.0)
+        assert swallowed.counts() == {Verdict.USED: swallowed.verdict.size}
+        assert np.abs(swallowed.x["r0"] - clean.x["r0"]).max() > 0.1
 
 
 @pytest.mark.parametrize("method", list(Method), ids=lambda m: m.name)

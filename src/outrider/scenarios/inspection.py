@@ -42,7 +42,6 @@ class Faults:
     gnss_bias : m per axis, constant, or Gauss-Markov with gnss_time [s];  common : the same for both robots
     aircraft : m per axis, aircraft_yaw : rad, how far it stands from where the map says
     gravity : whether accelerometers feel it: in the paper they do not
-    world_odometry : whether wheels tell velocities in the world: the paper's must, since its filter takes them for that
     """
 
     gnss_bias: float = 0.0
@@ -53,14 +52,14 @@ class Faults:
     gyro_bias: float = 0.005  # rad/s
     accel_bias: float = 0.05  # m/s^2
     gravity: bool = True
-    world_odometry: bool = False
 
 
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tuning:
     """What the filters know of it. gnss_bias : m, of the states for it, 0: none;  aircraft, aircraft_yaw : m and rad,
-    likewise;  consider : these states are considered, not estimated;  printed : the matrices of the paper."""
+    likewise;  consider : these states are considered, not estimated;  printed : the matrices of the paper, but for that
+    of its odometry, which takes the robot away: printed_odometry."""
 
     gnss_bias: float = 0.0
     gnss_time: float = 1e9
@@ -71,6 +70,7 @@ class Tuning:
     gyro_bias: float = 0.005
     accel_bias: float = 0.05
     printed: bool = False
+    printed_odometry: bool = False
 
 
 @final
@@ -171,13 +171,11 @@ def _own(seed: int, robot: str, way: Tours, faults: Faults, tuning: Tuning) -> l
         add(s.Baro(sigma=BARO), every, truth.p[every, 2:3] + noise("baro", every.size, 1, BARO))
     else:
         draws = noise("wheels", every.size, 3, 1.0) * [ODOMETRY, ODOMETRY, ODOMETRY_RATE]
-        own = truth.v[every]
-        if not faults.world_odometry:
-            own = rotate(quats_conjugate(truth.q[every]), own)
+        own = rotate(quats_conjugate(truth.q[every]), truth.v[every])
         z = np.zeros((every.size, 6))
         z[:, :2], z[:, 5] = own[:, :2] + draws[:, :2], truth.w[every, 2] + draws[:, 2]
         sigmas = np.array([ODOMETRY, ODOMETRY, _INF, _INF, _INF, ODOMETRY_RATE])
-        add(s.PrintedOdometry() if printed else s.Twist(), every, z, sigmas)
+        add(s.PrintedOdometry() if tuning.printed_odometry else s.Twist(), every, z, sigmas)
     dims = np.ones(3) if flies else _PLANE
     arm = rotate(truth.q[tenth], np.tile(lever, (tenth.size, 1)))
     slow = _slow(seed, robot, truth.t.size, faults)[tenth]

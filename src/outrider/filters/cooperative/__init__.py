@@ -5,8 +5,9 @@ corrects both; how they treat what they already share is the `Method`.
 """
 
 from outrider.filters.cooperative.fusion import RELATIVE, Method, Shared, TeamEstimate, fuse_team
-from outrider.filters.cooperative.robot import Member, MotionModel, Source, pose_rows
+from outrider.filters.cooperative.robot import FALSE_ALARM, Member, MotionModel, Source, pose_rows
 
 __all__ = [
-    "RELATIVE", "Member", "Method", "MotionModel", "Shared", "Source", "TeamEstimate", "fuse_team", "pose_rows",
+    "FALSE_ALARM", "RELATIVE", "Member", "Method", "MotionModel", "Shared", "Source", "TeamEstimate", "fuse_team",
+    "pose_rows",
 ]  # fmt: skip

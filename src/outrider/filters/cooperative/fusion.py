@@ -11,7 +11,7 @@ from outrider.data import Verdict
 from outrider.errors import ConfigError, DataError
 from outrider.filters.cooperative.intersection import intersect
 from outrider.filters.cooperative.meeting import Outcome, factored, naive, sight
-from outrider.filters.cooperative.robot import Filter, Member, Records, Source, pose_rows
+from outrider.filters.cooperative.robot import FALSE_ALARM, Filter, Member, Records, Source, gates, pose_rows
 from outrider.filters.state import ROWS
 from outrider.models.motion import LAYOUTS
 from outrider.models.sensors import Sensor
@@ -93,11 +93,13 @@ def fuse_team(
     *,
     shared: Sequence[Shared] = (),
     start: float | None = None,
+    false_alarm: float = FALSE_ALARM,
 ) -> TeamEstimate:
     """Estimate every member at the times t (k,) [s], not decreasing.
 
     shared : correlations at the start, which only `JOINT`, `FACTORED` and `DISTRIBUTED` know how to use
     start : s, of the beliefs; the first record otherwise
+    false_alarm : share of good records that the gates of innovations refuse; 0: nothing is refused
 
     Of records of one time those of robots alone come first. Raises `ConfigError` for a robot that nobody knows, one
     that sees itself, a sensor that cannot look at a robot; `DataError` for a covariance that is none, or times that
@@ -112,14 +114,15 @@ def fuse_team(
     records = _records(sources, used)
     first = start if start is not None else float(records.t[0]) if records.t.size else 0.0
     at = np.ascontiguousarray(t, np.float64)
+    gate = gates(false_alarm)
     end = max(at[-1] if at.size else first, records.t[-1] if records.t.size else first) + 1e-9
     if method is Method.JOINT:
-        filters = [Filter(members, sources, records, at, first)]
+        filters = [Filter(members, sources, records, at, first, gate=gate)]
         _correlate(filters[0], common)
         filters[0].run(end)
         out = filters[0].out
     else:
-        filters, out = _apart(members, sources, method, records, at, first, end, common)
+        filters, out = _apart(members, sources, method, records, at, (first, end), gate, common)
     x, P = _split(members, filters)
     return TeamEstimate(
         method=method, members={m.name: m for m in members}, t=at, x=x, P=P, source=records.source,
@@ -138,8 +141,8 @@ def _apart(
     method: Method,
     records: Records,
     at: Floats,
-    start: float,
-    end: float,
+    span: tuple[float, float],
+    gate: Floats,
     common: Sequence[tuple[int, int, Floats]],
 ) -> tuple[list[Filter], Floats]:
     """Every robot has a filter of its own, and they meet. Each runs only when it meets somebody, and at the end."""
@@ -157,7 +160,7 @@ def _apart(
             t=records.t[mine[i]], source=np.array([number[k] for k in records.source[mine[i]].tolist()], np.int64),
             z=records.z[mine[i]], r=records.r[mine[i]],
         )  # fmt: skip
-        filters.append(Filter([m], [sources[k] for k in own], part, at, start, carries=method.carries))
+        filters.append(Filter([m], [sources[k] for k in own], part, at, span[0], gate=gate, carries=method.carries))
     for i, j, C in common if method in (Method.FACTORED, Method.DISTRIBUTED) else ():
         filters[i].factors[j], filters[j].factors[i] = C, np.eye(C.shape[1])
         for robot in (filters[i], filters[j]):
@@ -168,14 +171,14 @@ def _apart(
         k = int(records.source[e])
         i, j, now = int(owner[k]), int(seen[k]), float(records.t[e])
         theta, code = models[k]
-        if now < start:
+        if now < span[0]:
             out[e] = Verdict.NOT_ALIGNED, np.nan, 0
             continue
         filters[i].run(now)
         filters[j].run(now)
         out[e] = _meet(method, filters, i, j, code, theta, records.z[e], records.r[e])
     for f, rows in zip(filters, mine, strict=True):
-        f.run(end)
+        f.run(span[1])
         out[rows] = f.out
     return filters, out
 

@@ -56,7 +56,7 @@ def _toward(
     after = pose - U @ np.linalg.solve(S, np.swapaxes(U, 1, 2))
     size, before = np.linalg.slogdet(after)[1], np.linalg.slogdet(P[np.ix_(rows, rows)])[1]
     best = int(np.argmin(size))
-    outcome = judged(S[best], s.y)
+    outcome = judged(S[best], s.y, own.group.gate)
     if outcome.verdict is not Verdict.USED or not size[best] < before:
         return outcome, None
     inflated = P + (1.0 / WEIGHTS[best] - 1.0) * P_d

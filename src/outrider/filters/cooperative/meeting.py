@@ -20,7 +20,7 @@ import numpy as np
 
 from outrider.data import Verdict
 from outrider.filters.cooperative.group import relate, squeeze
-from outrider.filters.cooperative.robot import GATES, Filter
+from outrider.filters.cooperative.robot import Filter
 from outrider.filters.state import ROWS
 from outrider.models.kinematics import T_SIZE
 from outrider.models.sensors.layout import THETA_SIZE
@@ -52,14 +52,14 @@ def sight(i: Filter, j: Filter, code: int, theta: Floats, z: Floats, r: Floats) 
     return Sighting(y[:m], D[0, :m] @ K_i, D[1, :m] @ K_j, variances[:m])
 
 
-def judged(S: Floats, y: Floats) -> Outcome:
+def judged(S: Floats, y: Floats, gate: Floats) -> Outcome:
     """The innovation against its covariance."""
     if y.size == 0:
         return Outcome(Verdict.NOT_OBSERVING, float("nan"), 0)
     nis = float(y @ np.linalg.solve(S, y))
     if not 0.0 <= nis < np.inf:
         return Outcome(Verdict.DIVERGED, nis, y.size)
-    return Outcome(Verdict.USED if nis <= GATES[y.size] else Verdict.GATED, nis, y.size)
+    return Outcome(Verdict.USED if nis <= gate[y.size] else Verdict.GATED, nis, y.size)
 
 
 def update_pair(i: Filter, j: Filter, s: Sighting, P_ij: Floats) -> tuple[Outcome, Floats]:
@@ -68,7 +68,7 @@ def update_pair(i: Filter, j: Filter, s: Sighting, P_ij: Floats) -> tuple[Outcom
     PH_i = P_i @ s.H_i.T + P_ij @ s.H_j.T
     PH_j = P_ij.T @ s.H_i.T + P_j @ s.H_j.T
     S = s.H_i @ PH_i + s.H_j @ PH_j + np.diag(s.r)
-    outcome = judged(S, s.y)
+    outcome = judged(S, s.y, i.group.gate)
     if outcome.verdict is not Verdict.USED:
         return outcome, P_ij
     K_i, K_j = np.linalg.solve(S, PH_i.T).T, np.linalg.solve(S, PH_j.T).T

@@ -19,7 +19,6 @@ from outrider.models.sensors.layout import THETA_SIZE
 from outrider.typing import Floats, Ints
 
 FALSE_ALARM = 1e-6  # share of good records that gates refuse
-GATES: Floats = np.concatenate([[np.inf], chdtri(np.arange(1.0, ROWS + 1), FALSE_ALARM)])
 POSE_BLOCKS = ("position", "heading", "yaw")
 
 
@@ -73,6 +72,14 @@ class Records:
     r: Floats
 
 
+def gates(false_alarm: float) -> Floats:
+    """(ROWS + 1,) thresholds of the NIS by degrees of freedom, which this share of good records exceeds; 0: no gate."""
+    gate = np.full(ROWS + 1, np.inf)
+    if false_alarm > 0.0:
+        gate[1:] = chdtri(np.arange(1.0, ROWS + 1), false_alarm)
+    return gate
+
+
 def pose_rows(member: Member) -> Ints:
     """Error rows of position and heading; of an attitude, its rotation about the body's z."""
     layout = member.belief.layout
@@ -93,10 +100,10 @@ class Filter:
 
     def __init__(
         self, members: Sequence[Member], sources: Sequence[Source], records: Records, at: Floats, start: float, *,
-        carries: bool = False,
+        gate: Floats, carries: bool = False,
     ) -> None:  # fmt: skip
         self.members, self.records, self.at = members, records, at
-        self.group = _group(members, sources)
+        self.group = _group(members, sources, gate)
         n, N = self.group.keep.size, len(members)
         P = np.zeros((n, n))
         for m, row in zip(members, self.group.rows.tolist(), strict=True):
@@ -156,7 +163,7 @@ class Filter:
         b.told[...], b.heard[...] = 0.0, 0.0
 
 
-def _group(members: Sequence[Member], sources: Sequence[Source]) -> Group:
+def _group(members: Sequence[Member], sources: Sequence[Source], gate: Floats) -> Group:
     names = [m.name for m in members]
     index, tables, rotations = np.zeros((len(members), 7), np.int64), [], []
     thetas = [m.model.theta() for m in members]
@@ -179,5 +186,5 @@ def _group(members: Sequence[Member], sources: Sequence[Source]) -> Group:
         parameters=np.array([np.zeros(THETA_SIZE) if s.sensor is None else s.sensor.theta() for s in sources]).reshape(
             -1, THETA_SIZE
         ),
-        gate=GATES,
+        gate=gate,
     )  # fmt: skip
