@@ -1,6 +1,7 @@
 """What cooperation is worth, with seeds, spread and paired tests; written to docs/evidence/cooperation.md.
 
-Set OUTRIDER_TRIALS to a folder to keep the trials and to go on with them after an interruption.
+Set OUTRIDER_TRIALS to a folder to keep the trials and to go on with them after an interruption, OUTRIDER_WORKERS to use
+processes, OUTRIDER_SEEDS to have fewer seeds than 60.
 """
 
 import os
@@ -160,7 +161,8 @@ def printed(page: Page, done: Trials) -> None:
 
 def test_what_cooperation_is_worth() -> None:
     kept = os.environ.get("OUTRIDER_TRIALS")
-    work = Work(workers=int(os.environ.get("OUTRIDER_WORKERS", "0")), trials=Path(kept) if kept else None)
+    workers, seeds = int(os.environ.get("OUTRIDER_WORKERS", "0")), int(os.environ.get("OUTRIDER_SEEDS", "0"))
+    work = Work(seeds=seeds or None, workers=workers, trials=Path(kept) if kept else None)
     page = Page()
     done = {name: trials(work, name, cases) for name, cases in (
         ("white", WHITE), ("bias", BIASED), ("aircraft", MAPPED), ("paper", PRINTED_CASES))}  # fmt: skip
