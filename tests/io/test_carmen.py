@@ -9,8 +9,9 @@ import other_logs as made
 import pytest
 from flight_logs import write
 
-from outrider.data import EventLog, Kind
+from outrider.data import EventLog, Kind, Verdict
 from outrider.errors import DataError
+from outrider.filters.screen import screen
 from outrider.io import detect, read_log
 
 
@@ -29,6 +30,7 @@ def test_odometry_and_laser(tmp_path: Path, pack) -> None:
     assert scan.z.shape == (40, 180) and (scan.z[0, :90] == 2.5).all() and np.isinf(scan.z[0, 90:]).all()
     np.testing.assert_allclose(np.degrees(scan.extra["angle_min"]), -90)
     np.testing.assert_allclose(np.degrees(scan.extra["angle_step"]), 1.0)
+    assert set(screen(scan)) == {int(Verdict.USED)}  # beams that saw nothing are no damage
     assert scan.frame == "front_laser" and log.mounts["front_laser"][0, 3] == 0.2
 
 

@@ -66,3 +66,14 @@ def test_progress_is_told(tmp_path: Path, name: str) -> None:
     path = write(tmp_path, f"p{ending}", make())
     read_log(path, progress=lambda done, size: calls.append((done, size)))
     assert calls and all(0 <= done <= size for done, size in calls)
+
+
+@pytest.mark.evidence
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("name", FORMATS)
+def test_campaign_of_damage(tmp_path: Path, name: str) -> None:
+    """The same, at length and with new random numbers every time."""
+    _, ending, make = FORMATS[name]
+    data, fresh = make(), np.random.default_rng()
+    for broken in (*cuts(data, fresh, 100), *damages(data, fresh, 900)):
+        attempt(write(tmp_path, f"x{ending}", broken))

@@ -6,7 +6,8 @@ import gnss_logs
 import numpy as np
 import other_logs
 import pytest
-from flight_logs import dataflash, ulog, write
+from flight_logs import cuts, damages, dataflash, ulog, write
+from test_registry import attempt
 
 from outrider.data import Fix, Kind
 from outrider.errors import DataError, UsageError
@@ -163,3 +164,19 @@ def test_one_log_alone_is_no_team(tmp_path: Path) -> None:
     write(tmp_path, "uav.ulg", ulog())
     with pytest.raises(DataError, match=r"not a ROS 2 bag, a drive of KITTI.*name the log file inside it"):
         read_log(tmp_path)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("make", [kitti, euroc, team])
+def test_no_damage_escapes_from_folders(tmp_path: Path, make, rng: np.random.Generator) -> None:
+    path = make(tmp_path)
+    files = [f for f in sorted(path.rglob("*")) if f.is_file()]
+    for _ in range(25):
+        file = files[int(rng.integers(len(files)))]
+        data = file.read_bytes()
+        for broken in (*cuts(data, rng, 1)[-1:], *damages(data, rng, 2), b""):
+            file.write_bytes(broken)
+            attempt(path)
+        file.unlink()
+        attempt(path)
+        file.write_bytes(data)

@@ -96,7 +96,8 @@ def screen(s: Stream, memory: Memory | None = None, motion: Ints | None = None, 
     if s.kind in (Kind.GNSS, Kind.GNSS_VELOCITY) and "fix" in s.extra:  # without a fix the fields are often blank
         refuse(s.extra["fix"] == Fix.NONE.value, Verdict.NO_FIX)
     refuse(~np.isfinite(s.z).any(axis=1), Verdict.NOT_FINITE)
-    refuse(np.isinf(s.z).any(axis=1), Verdict.NOT_FINITE)
+    if s.kind is not Kind.SCAN:  # there it means that nothing came back
+        refuse(np.isinf(s.z).any(axis=1), Verdict.NOT_FINITE)
     if s.kind in (Kind.GNSS, Kind.GNSS_VELOCITY):
         screen_fixes(s, m, refuse)
     if s.kind in LIMITS:

@@ -114,7 +114,7 @@ def _folder(path: Path, teams: bool) -> str:
     except OSError as e:
         raise DataError(f"cannot be read: {(e.strerror or str(e)).lower()}", where=str(path)) from None
     what = "is a directory, but not a ROS 2 bag, a drive of KITTI, an EuRoC sequence or a folder of logs"
-    raise DataError(what, where=str(path), fix="name the log file inside it")
+    raise DataError(what, where=str(path), fix="name the log file inside it; a mapping makes a folder of .npy readable")
 
 
 def _packed(path: Path) -> str:
