@@ -77,6 +77,12 @@ def test_iso_times_and_gps_time(tmp_path: Path) -> None:
     assert read(tmp_path, "t,azimuth\n1398600018.5,0\n", gps).streams["compass"].t[0] == 1_714_564_800_500_000_000
 
 
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_every_end_of_line(tmp_path: Path, end: str) -> None:
+    s = read(tmp_path, end.join(["t,azimuth", "1,90", "2,0", ""]), HEADING).streams["compass"]
+    assert s.t.tolist() == [10**9, 2 * 10**9]
+
+
 def test_a_commented_header_and_a_file_without_one(tmp_path: Path) -> None:
     assert len(read(tmp_path, "# made by x\n#t,azimuth\n1,90\n2,80\n", HEADING).streams["compass"]) == 2
     assert len(read(tmp_path, "1,90\n2,80\n", HEADING + "names: [t, azimuth]").streams["compass"]) == 2

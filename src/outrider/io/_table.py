@@ -7,7 +7,7 @@ import csv
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import BinaryIO, final
+from typing import TextIO, final
 
 import numpy as np
 
@@ -81,7 +81,7 @@ def read_rows(
     wanted = sorted({*numbers, *texts, *stamps})
     index = [header.names.index(c) for c in wanted]
     out, width, kept = Rows(), len(header.names), list[list[str]]()
-    with path.open("rb") as f:
+    with path.open(encoding="utf-8-sig", errors="replace") as f:  # lines end in LF, CR LF, or CR as on old Macs
         reader = csv.reader(_lines(f, header.lines, path.stat().st_size, progress), delimiter=header.delimiter)
         while True:
             try:
@@ -106,14 +106,14 @@ def read_rows(
     return out
 
 
-def _lines(f: BinaryIO, skip: int, size: int, progress: Progress | None) -> Iterator[str]:
+def _lines(f: TextIO, skip: int, size: int, progress: Progress | None) -> Iterator[str]:
     done = 0
     for number, line in enumerate(f):
         done += len(line)
         if progress is not None and number % REPORT_EVERY == 0:
-            progress(done, size)
-        if number >= skip and line[:1] not in (b"#", b"%"):
-            yield line.decode("utf-8-sig" if number == 0 else "utf-8", "replace").replace("\0", "")
+            progress(min(done, size), size)
+        if number >= skip and line[:1] not in ("#", "%"):
+            yield line.replace("\0", "")
 
 
 def _numbers(cells: list[str]) -> tuple[Floats, Bools]:
