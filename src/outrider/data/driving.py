@@ -46,6 +46,7 @@ class DriveLimits:
     min_radius: float = 0.0
     rims: Floats = field(default_factory=lambda: np.empty((0, 3)))
     rim_speed: float = np.inf
+    _rows: Floats = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if self.deceleration == 0.0:
@@ -64,6 +65,7 @@ class DriveLimits:
             raise ConfigError(f"rims of shape {self.rims.shape}", where="drive limits", fix="a row of three per wheel")
         if not self.rim_speed > 0.0:
             raise ConfigError(f"rim_speed of {self.rim_speed:g} m/s", where="drive limits", fix="a positive number")
+        object.__setattr__(self, "_rows", self.rows)
 
     @property
     def rows(self) -> Floats:
@@ -86,12 +88,11 @@ class DriveLimits:
 
     def excess(self, twist: Floats) -> float:
         """The largest share of a limit that a twist (3,) asks for: at most 1 for one that is allowed."""
-        worst = 0.0
-        for a, b, c, low, high in self.rows:
-            y = float(a * twist[0] + b * twist[1] + c * twist[2])
-            end = high if y > 0.0 else -low
-            worst = max(worst, abs(y) / end if end > 0.0 else (np.inf if abs(y) > 1e-12 else 0.0))
-        return worst
+        y = self._rows[:, :3] @ twist
+        end = np.where(y > 0.0, self._rows[:, 4], -self._rows[:, 3])
+        asked = np.abs(y)
+        shares = np.divide(asked, end, out=np.where(asked > 1e-12, np.inf, 0.0), where=end > 0.0)
+        return float(shares.max())
 
 
 @final

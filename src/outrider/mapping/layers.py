@@ -157,11 +157,13 @@ class LayeredCostmap:
         """Enter a scan, and remember how often cells are hit: what flickers at the edge of a wall is not free."""
         r0, r1, c0, c1 = box = observe(self._seen, self.resolution, self.origin, scan, self._marking)
         held, free = self._held[r0:r1, c0:c1], self._seen[r0:r1, c0:c1] == FREE
-        held[free] = np.where(held[free] == NEVER, 0, held[free] - (held[free] > 0))
+        np.copyto(held, 0, where=free & (held == NEVER))
+        np.subtract(held, 1, out=held, where=free & (held > 0))
         ends = np.floor((scan.hits(self._marking.mark) - self.origin) / self.resolution).astype(np.int64)[:, ::-1]
-        ends = np.unique(ends[((ends >= 0) & (ends < self._shape)).all(axis=1)], axis=0)
-        count = self._held[tuple(ends.T)]
-        self._held[tuple(ends.T)] = np.where(count == NEVER, NEVER, np.minimum(count + HIT, MOST))
+        ends = ends[((ends >= 0) & (ends < self._shape)).all(axis=1)]
+        flat, cells = self._held.reshape(-1), np.unique(ends @ [self._shape[1], 1])
+        count = flat[cells]
+        flat[cells] = np.where(count == NEVER, NEVER, np.minimum(count + HIT, MOST))
         return box
 
     def _move(self, pose: Floats | None) -> list[Box]:
