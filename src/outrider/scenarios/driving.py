@@ -59,6 +59,8 @@ class DrivePart(Part):
     """m from obstacles within which the planner's ground costs more."""
     falling: Positive = 2.5
     """1/m: how fast that cost falls."""
+    without: tuple[str, ...] = ()
+    """Sensors that its navigation leaves alone: references, spares."""
     local: tagged(LOCAL, skip=("period",)) = Field(  # type: ignore[valid-type]
         default={"type": "teb"}, validate_default=True
     )
@@ -123,7 +125,8 @@ def ground_robot(
         settings=made_of(DriverSettings, section.driver),
         sees=lidar is not None,
     )
-    own = navigator(carried, put, EPOCH, world, flies=False, robot=robot)
+    used = [s for s in carried if s.name not in section.without]
+    own = navigator(used, put, EPOCH, world, flies=False, robot=robot, base=vehicle)
     mount = np.zeros(3) if lidar is None else _mount(lidar)
     late = Reaction(seconds=drive_lag(vehicle))
     return Ground(navigator=own, driver=driver, lidar=mount, others=others, reaction=late)

@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 
 from outrider.core.attitudes import quats_to_matrices, rpy_to_quats
-from outrider.data import Gaussian
+from outrider.data import Fix, Gaussian
 from outrider.errors import ConfigError
 from outrider.filters.channels import Channel
 from outrider.filters.engine import Filter
@@ -21,9 +21,13 @@ from outrider.models.sensors import (
     Heading,
     Mount,
     Pose,
+    Sensor,
     SensorModel,
     Twist,
+    WheelsDifferential,
+    WheelsMecanum,
 )
+from outrider.models.vehicles import Differential, Mecanum, Vehicle
 from outrider.sim import sensors
 from outrider.sim.world import World
 from outrider.team import Navigator
@@ -43,6 +47,9 @@ USES: Final[dict[type[Any], tuple[type[Any], str, str]]] = {
     sensors.Heading: (Heading, "1", "1"),
     sensors.Baro: (Baro, "", "1"),
 }
+PRECISE: Final = frozenset({Fix.FIXED.value})
+RIM_FLOOR: Final = 0.02  # m/s that a rim speed is never believed below: rollers slip
+RIM_REST: Final = 0.002  # m/s, of wheels that stand
 START: Final = {  # standard deviations of what the start does not tell
     "position": 0.3,
     "heading": 0.05,
@@ -55,25 +62,63 @@ START: Final = {  # standard deviations of what the start does not tell
 
 
 def navigator(
-    carried: Sequence[object], put: Put, start: int, world: World, *, flies: bool, robot: str = "robot"
+    carried: Sequence[object],
+    put: Put,
+    start: int,
+    world: World,
+    *,
+    flies: bool,
+    robot: str = "robot",
+    base: Vehicle | None = None,
 ) -> Navigator:
     """An online filter over what the robot carries: planar on the ground, strapdown in the air.
 
-    Its prior is the place where the robot was put down, `put`, to 0.3 m and 3 degrees. Raises ConfigError without a
-    source of position, or without an IMU in the air.
+    Its prior is the place where the robot was put down, `put`, to 0.3 m and 3 degrees. base : the vehicle, by whose
+    wheels encoders are read where nothing reckons a twist. Raises ConfigError without a source of position, or without
+    an IMU in the air.
     """
     motion = Motion.STRAPDOWN if flies else Motion.PLANAR
-    channels = tuple(c for c in (_channel(s, motion) for s in carried) if c is not None)
+    channels = channels_of(carried, motion, base)
     if not any(c.reset[1] for c in channels):
         raise ConfigError("cannot tell where it is", fix="give it a gnss, gnss_receiver or object_pose")
     if flies and not any(c.sensor is None for c in channels):
         raise ConfigError("cannot navigate in the air without an IMU", fix="give it an imu")
+    return Navigator(*filter_of(channels, carried, motion, put, world, base), start, world.datum, robot)
+
+
+def filter_of(
+    channels: tuple[Channel, ...],
+    carried: Sequence[object],
+    motion: Motion,
+    put: Put,
+    world: World,
+    base: Vehicle | None = None,
+) -> tuple[Filter, Gaussian]:
+    """The filter over some channels, and its prior."""
     slow = max((_slow_error(s) for s in carried), default=0.0)
+    flies = motion is Motion.STRAPDOWN
     model = StrapdownIns(gnss_bias=slow, gnss_bias_up=1.5 * slow, gravity=world.gravity) if flies else None
-    theta = model.theta() if model is not None else PlanarRobot(gnss_bias=slow).theta()
+    theta = model.theta() if model is not None else PlanarRobot(gnss_bias=slow, **_sideways(base)).theta()
     coasting = replace(model, gyro_noise=0.3, accel_noise=2.0).theta() if model is not None else theta
-    f = Filter(motion=motion, theta=theta, coasting=coasting, channels=channels)
-    return Navigator(f, _prior(motion, put, slow), start, world.datum, robot)
+    return Filter(motion=motion, theta=theta, coasting=coasting, channels=channels), _prior(motion, put, slow)
+
+
+def channels_of(carried: Sequence[object], motion: Motion, base: Vehicle | None = None) -> tuple[Channel, ...]:
+    """How each sensor's stream becomes measurements; those of no use have none."""
+    reckoned = any(isinstance(_bare(s), sensors.BodyTwist) for s in carried)
+    out: list[Channel] = []
+    for sensor in carried:
+        made = _channel(sensor, motion)
+        bare = _bare(sensor)
+        if made is not None and len(_solutions(bare)) > 1:
+            # a fixed solution has no error that stays for minutes: it is what tells the others' error
+            precise = replace(made, name=f"{made.name} (fixed)", sensor=Sensor.POSITION, fixes=frozenset(PRECISE))
+            out += [replace(made, fixes=frozenset(f.value for f in Fix) - PRECISE), precise]
+        elif made is not None:
+            out.append(made)
+        elif isinstance(bare, sensors.WheelEncoders) and motion is Motion.PLANAR and not reckoned:
+            out += _rolling(bare, base)
+    return tuple(out)
 
 
 def mount_matrix(sensor: object) -> Floats:
@@ -86,9 +131,7 @@ def mount_matrix(sensor: object) -> Floats:
 
 def _channel(sensor: Any, motion: Motion) -> Channel | None:
     """How a sensor's stream becomes measurements; None if it is of no use."""
-    bare = sensor
-    while hasattr(bare, "sensor"):  # a fault around it
-        bare = bare.sensor
+    bare = _bare(sensor)
     model_of, ground, air = USES.get(type(bare), (None, "", ""))
     rows = ground if motion is Motion.PLANAR else air
     drives = model_of is Gyro and motion is Motion.STRAPDOWN
@@ -109,13 +152,49 @@ def _channel(sensor: Any, motion: Motion) -> Channel | None:
     )  # fmt: skip
 
 
-def _slow_error(sensor: Any) -> float:
-    """The part of a receiver's error that stays for minutes [m], at the worst of its solution types."""
+def _rolling(sensor: sensors.WheelEncoders, base: Vehicle | None) -> list[Channel]:
+    """The rim speeds of a mecanum or differential base, and what they say of it at rest; of others, nothing."""
+    if isinstance(base, Mecanum):
+        model: SensorModel = WheelsMecanum(wheels=base.wheels[: sensor.wheels])
+    elif isinstance(base, Differential) and sensor.wheels >= 2:
+        model = WheelsDifferential(track=base.track)
+    else:
+        return []
+    n = model.sigmas().size
+    moving = Channel(
+        name=sensor.name, stream=sensor.name, sensor=model.code, theta=model.theta(), sigma=model.sigmas(),
+        floor=np.full(n, RIM_FLOOR), rows=np.ones(n, np.bool_),
+    )  # fmt: skip
+    rest = np.full(n, RIM_REST)
+    return [
+        moving,
+        replace(moving, name=f"{sensor.name} (at rest)", still=True, trust_stated=False, sigma=rest, floor=0.0 * rest),
+    ]
+
+
+def _bare(sensor: Any) -> Any:
+    """A sensor without what is wrong with it."""
     while hasattr(sensor, "sensor"):
         sensor = sensor.sensor
+    return sensor
+
+
+def _solutions(sensor: Any) -> set[Fix]:
+    """The solution types that a receiver may have."""
     if not isinstance(sensor, sensors.GnssReceiver):
-        return 0.0
-    return max(q.slow for fix, q in sensor.qualities.items() if fix in sensor.dwell_s)
+        return set()
+    return {*sensor.dwell_s, *(s.fix for s in sensor.spells if s.fix is not None)} - {Fix.NONE}
+
+
+def _slow_error(sensor: Any) -> float:
+    """The part of a receiver's error that stays for minutes [m], at the worst of its solution types."""
+    bare = _bare(sensor)
+    return max((bare.qualities[fix].slow for fix in _solutions(bare)), default=0.0)
+
+
+def _sideways(base: Vehicle | None) -> dict[str, float]:
+    """How a base moves sideways: one on mecanum wheels does so as it is told."""
+    return {"lateral": 0.5, "lateral_time": 2.0} if isinstance(base, Mecanum) else {}
 
 
 def _prior(motion: Motion, put: Put, slow: float) -> Gaussian:
