@@ -102,7 +102,7 @@ class Situation:
 
     time : s, any origin;  pose : (3,) east, north [m], heading [rad];  twist : (3,) body frame, as it moves now;
     goal : (3,) pose to reach;  path : (n, 2) m, site frame, from a global planner, empty for the straight line;
-    through : whether the goal is passed at speed, since the path goes on.
+    through : whether the goal is passed at speed, since the path goes on;  faces : whether the heading there matters.
 
     Raises DataError for a pose, twist or goal that is not finite.
     """
@@ -114,6 +114,7 @@ class Situation:
     path: Floats = field(default_factory=lambda: NOWHERE)
     surroundings: Surroundings = OPEN
     through: bool = False
+    faces: bool = True
 
     def __post_init__(self) -> None:
         for name in ("pose", "twist", "goal"):

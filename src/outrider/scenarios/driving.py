@@ -110,8 +110,9 @@ def ground_robot(
     keep_out : cells of the map where it may not go.
     Raises ConfigError for a vehicle that cannot drive on the ground, and for sensors that do not tell where it is.
     """
-    body = _footprint(section, vehicle if hull is None else hull)
-    limits = drive_limits(section, vehicle)
+    base: Vehicle = getattr(vehicle, "design", vehicle)  # of the second physics
+    body = _footprint(section, base if hull is None else hull)
+    limits = drive_limits(section, base)
     lidar = _lidar(carried)
     driver = Driver(
         ground=drawn(world, np.vstack([np.array(put[:2]), goals[:, :2]])),
@@ -126,9 +127,9 @@ def ground_robot(
         sees=lidar is not None,
     )
     used = [s for s in carried if s.name not in section.without]
-    own = navigator(used, put, EPOCH, world, flies=False, robot=robot, base=vehicle)
+    own = navigator(used, put, EPOCH, world, flies=False, robot=robot, base=base)
     mount = np.zeros(3) if lidar is None else _mount(lidar)
-    late = Reaction(seconds=drive_lag(vehicle))
+    late = Reaction(seconds=drive_lag(base))
     return Ground(navigator=own, driver=driver, lidar=mount, others=others, reaction=late)
 
 

@@ -12,7 +12,7 @@ from typing import Final, final
 import numpy as np
 
 from outrider.core.angles import wrap
-from outrider.data.driving import DriveLimits, LocalOutcome, LocalPlan, LocalPlanner, Situation
+from outrider.data.driving import DriveLimits, LocalOutcome, LocalPlan, LocalPlanner, Situation, Steering
 from outrider.data.footprint import Footprint
 from outrider.data.grid import Costmap, Grid
 from outrider.data.routes import GlobalPlanner, Path, PathOutcome
@@ -31,6 +31,7 @@ STILL: Final = np.zeros(3)
 NONE: Final = np.empty((0, 5))
 URGENT_S: Final = 0.5  # s between plans where the path is blocked or leads nowhere
 MARKING: Final = Marking(mark=5.0, clear=9.0)  # what moves is known by coming to where beams have passed
+LAST: Final = 1.5  # m before a goal from where on its heading is the robot's choice, if it is free
 OUT: Final = 1.0  # m that a plan may start beside a robot that stands too near to something
 
 
@@ -194,12 +195,12 @@ class Driver:
         c, s = cos(here.heading), sin(here.heading)
         twist = np.array([c * here.v[0] + s * here.v[1], c * here.v[1] - s * here.v[0], here.w])
         goal = self._goal.copy()
-        if np.isnan(goal[2]):
-            ahead = path.points[-1] - path.points[max(len(path.points) - 4, 0)]
-            goal[2] = float(np.arctan2(ahead[1], ahead[0])) if hypot(*ahead) > 0.0 else here.heading
+        faces = not np.isnan(goal[2])
+        if not faces:
+            goal[2] = _facing(pose, path.points, self.limits)
         return Situation(
             time=t_s, pose=pose, twist=twist, goal=np.array([goal[0], goal[1], wrap(float(goal[2]))]),
-            path=path.points, surroundings=self._sight.surroundings(t_s, pose[:2], moving),
+            path=path.points, surroundings=self._sight.surroundings(t_s, pose[:2], moving), faces=faces,
         )  # fmt: skip
 
     def _told(self, t_s: float, plan: LocalPlan) -> Answer:
@@ -214,3 +215,19 @@ class Driver:
         if t_s - self._moved_s > self._settings.patience_s:
             state = Drive.UNREACHABLE
         return Answer(state=state, twist=plan.twist, reason=plan.reason, path=self._path, plan=plan)
+
+
+def _facing(pose: Floats, path: Floats, limits: DriveLimits) -> float:
+    """The heading to arrive with where any will do: along the path; on its last metres, the one that is there anyway.
+
+    That is the own one of a base that goes sideways, and towards or away from the goal for all others.
+    """
+    ahead = path[-1] - path[max(len(path) - 4, 0)]
+    gap = path[-1] - pose[:2]
+    if hypot(*gap) > LAST and hypot(*ahead) > 0.0:
+        return float(np.arctan2(ahead[1], ahead[0]))
+    if limits.steering is Steering.HOLONOMIC or hypot(*gap) < 1e-6:
+        return float(pose[2])
+    bearing = float(np.arctan2(gap[1], gap[0]))
+    behind = limits.backward > 0.0 and abs(wrap(bearing - float(pose[2]))) > 0.5 * np.pi
+    return bearing + np.pi if behind else bearing

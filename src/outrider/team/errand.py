@@ -1,7 +1,7 @@
 """A ground robot that goes to goals in turn, and says of each how that ended."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from math import isnan
 from typing import final
@@ -29,13 +29,14 @@ class Visit(Enum):
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
     """goal : (3,);  t : ns, when it was left, 0 while it is open;  estimate : (3,) where the robot then thought it was;
-    error : m, of that to the goal;  reason : in words, of what was not reached."""
+    error : m, of that to the goal;  reason : in words, of what was not reached;  path : (n, 2) m, as first planned."""
 
     goal: Floats
     visit: Visit = Visit.OPEN
     t: int = 0
     estimate: Floats = field(default_factory=lambda: np.full(3, np.nan))
     reason: str = ""
+    path: Floats = field(default_factory=lambda: np.empty((0, 2)))
 
     @property
     def error(self) -> float:
@@ -68,6 +69,8 @@ class Errand:
         done = self._next >= len(self.goals)
         self.body.driver.go(None if done else self.goals[self._next])
         here, answer = self.body.drive(t, records, inbox)
+        if not done and not len(self.outcomes[self._next].path) and answer.path is not None and answer.path.found:
+            self.outcomes[self._next] = replace(self.outcomes[self._next], path=answer.path.points)
         notes = ["" if done else self._judged(t, here, answer), answer.note]
         own = self.body.navigator
         return Action(
@@ -94,7 +97,7 @@ class Errand:
     def _settled(self, t: int, here: Fused, visit: Visit, reason: str) -> str:
         k, estimate = self._next, np.array([here.p[0], here.p[1], here.heading])
         told = self._name()
-        self.outcomes[k] = Outcome(goal=self.goals[k], visit=visit, t=t, estimate=estimate, reason=reason)
+        self.outcomes[k] = replace(self.outcomes[k], visit=visit, t=t, estimate=estimate, reason=reason)
         self._next, self._there, self._waits = k + 1, -1, ""
         if visit is Visit.UNREACHABLE:
             return f"{told}: {visit.value}: {reason}"

@@ -1,16 +1,17 @@
-"""amr2025: an eight-wheeled robot navigates on hand-drawn maps. The arithmetic of its tables; experiments follow."""
+"""amr2025: an eight-wheeled robot navigates on hand-drawn maps. The arithmetic of its tables; then our drives."""
 
 import numpy as np
 
+from outrider.campaign.papers import amr2025_figures, amr2025_tables
 from outrider.campaign.papers.model import Paper, Picture, Row, Table, Work, exact
-from outrider.campaign.papers.printed import CONTROL, DEGRADED, FUSED_DEGRADED, GOALS, HEADINGS, PATHS
+from outrider.campaign.papers.printed import CONTROL, GOALS, HEADINGS, PATHS
 
 PAPER = Paper(
     name="amr2025",
     title="Active counter-UAS with an autonomous mobile robot",
     citation="Li, Fan, Cai, Wang, Fan: Scientific Reports 15, 45790 (2025)",
     doi="10.1038/s41598-025-28565-7",
-    about="Recomputed here: what the paper states about its own tables, from the rows that it prints.",
+    about="Recomputed: what it states about its own tables. Simulated: its drives, on our drawings of its sites.",
 )
 
 _REAL = np.array([g.place != "simulation" for g in GOALS])
@@ -106,28 +107,18 @@ def control(work: Work) -> Table:
     return Table(key="control", title="Table 5: speeds driven and commanded", rows=rows)
 
 
-@PAPER.table
-def experiments(work: Work) -> Table:
-    """The printed results that only an experiment of ours can stand beside."""
-    rows = [
-        Row(name="goal error, real drives", group="goals", unit="m", printed="0.35"),
-        Row(name="RMSE of degraded GNSS alone", group="degraded GNSS", unit="m", printed=DEGRADED),
-        Row(name="RMSE fused with wheels and IMU", group="degraded GNSS", unit="m", printed=FUSED_DEGRADED),
-    ]
-    for p in PATHS:
-        rows += [
-            Row(name=f"{p.place}, smoothness driven", group="paths", printed=p.smc_driven),
-            Row(name=f"{p.place}, length driven", group="paths", unit="m", printed=p.length_driven),
-        ]
-    for c in CONTROL:
-        rows += [
-            Row(name=f"{c.place}, MAE of speed", group="control", unit="m/s", printed=c.mae),
-            Row(name=f"{c.place}, RMSE of speed", group="control", unit="m/s", printed=c.rmse),
-            Row(name=f"{c.place}, correlation of speed", group="control", printed=c.r),
-        ]
-    ratio = float(FUSED_DEGRADED) / float(DEGRADED)
-    note = f"Of the printed errors under degraded GNSS, fusion leaves {ratio:.2f}."
-    return Table(key="experiments", title="The experiments, ours beside theirs", rows=tuple(rows), note=note)
+for _make in (
+    amr2025_tables.fusion,
+    amr2025_tables.driven_goals,
+    amr2025_tables.measured_headings,
+    amr2025_tables.driven_paths,
+    amr2025_tables.driven_speeds,
+    amr2025_tables.localisation,
+    amr2025_tables.degraded,
+):
+    PAPER.table(_make)
+for _draw in amr2025_figures.FIGURES:
+    PAPER.picture(_draw)
 
 
 @PAPER.picture

@@ -30,7 +30,7 @@ def make_document(papers: Sequence[Paper], work: Work) -> tuple[Document, Pictur
     parts, pictures = list[Document](), dict[str, Sequence[Picture]]()
     for paper in papers:
         tables = [make(work) for make in paper.tables]
-        pictures[paper.name] = [make(work) for make in paper.pictures]
+        pictures[paper.name] = [p for p in (make(work) for make in paper.pictures) if p is not None]
         check_keys(tables, pictures[paper.name], paper.name)
         drawn = [{"key": p.key, "title": p.title, "caption": p.caption} for p in pictures[paper.name]]
         part = {"counts": counts(tables), "tables": [_table(t) for t in tables], "figures": drawn}

@@ -138,7 +138,8 @@ class Picture:
 class Work:
     """What tables may ask for: how many seeds, where to compute, and trials that several tables share.
 
-    seeds : how many, None for each experiment's own number;  trials : folder that keeps rows between calls
+    seeds : how many, None for each experiment's own number, 0 to simulate nothing
+    trials : folder that keeps rows between calls
     """
 
     seeds: int | None = None
@@ -146,6 +147,11 @@ class Work:
     trials: Path | None = None
     progress: Progress | None = None
     _done: dict[str, Trials] = field(default_factory=dict[str, Trials])
+
+    @property
+    def simulates(self) -> bool:
+        """Whether trials are to be run at all."""
+        return self.seeds != 0
 
     def run(self, name: str, trial: Trial, cases: Sequence[Params], *, seeds: int) -> Trials:
         """The trials called `name`, run once for all tables; `seeds` unless the user wants another number."""
@@ -163,7 +169,8 @@ class Work:
 
 
 MakeTable: TypeAlias = Callable[[Work], Table]
-MakePicture: TypeAlias = Callable[[Work], Picture]
+MakePicture: TypeAlias = Callable[[Work], Picture | None]
+"""None: there is nothing to draw without trials."""
 
 
 @final

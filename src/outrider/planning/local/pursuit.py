@@ -65,7 +65,7 @@ class Pursuit:
         s = self.settings
         off, turned = hypot(*(now.goal[:2] - now.pose[:2])), wrap(float(now.goal[2] - now.pose[2]))
         if off < s.xy and not now.through:
-            if abs(turned) < s.yaw:
+            if abs(turned) < s.yaw or not now.faces:
                 return LocalPlan(outcome=LocalOutcome.ARRIVED, time=now.time, twist=np.zeros(3))
             want = np.array([0.0, 0.0, self._turn(turned)])
         else:

@@ -27,6 +27,8 @@ from outrider.typing import Floats
 
 SLOW: Final = 0.1  # of the limits
 
+LAST = 1.5  # m before a goal: it may stand closer to something than the gap
+
 
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -167,10 +169,13 @@ class Teb:
 
     def _problem(self, now: Situation, a: Around) -> Problem:
         s, limits = self.settings, self.limits
+        gap = s.gap
+        if not now.through and np.hypot(*(now.goal[:2] - now.pose[:2])) < LAST:
+            gap = min(gap, max(clash(np.array([[*now.goal, 0.0]]), self._body, a).room, s.spare))
         return Problem(
             weights=s.weights, dt=self._dt, share=s.share, top=limits.forward,
             holonomic=limits.steering is Steering.HOLONOMIC, radius=1.1 * limits.min_radius, through=now.through,
-            gap=s.gap, horizon=s.horizon, west=a.west, south=a.south, resolution=a.resolution, rows=self._rows,
+            gap=gap, horizon=s.horizon, west=a.west, south=a.south, resolution=a.resolution, rows=self._rows,
             rates=np.vstack([limits.axes, now.twist]), discs=self._discs, obstacles=a.discs, field=a.field,
         )  # fmt: skip
 
