@@ -20,6 +20,8 @@ QUARTER: Final = 0.7853981633974483  # rad: rollers stand at 45 degrees
 AXLES: Final = ((0.3, 1.0), (0.1, 1.0), (-0.1, -1.0), (-0.3, -1.0))
 """Four axles: m ahead of the middle, handedness of the left wheel's rollers (mirrored front and rear)."""
 HALF_WIDTH: Final = 0.22  # m
+MOTORS: Final = {"latency_s": 0.02, "drive": {"lag_s": 0.05}}
+"""Speed control of the wheels: a command is taken up after the delay, and followed with the lag."""
 
 
 @final
@@ -51,7 +53,7 @@ class Turning:
 @scenario("amr2025-simulation", tags=("paper", "amr2025", "goto"))
 def simulation(cfg: Simulated) -> Description:
     """The simulated drive of amr2025: map 1 to scale, a differential robot, two targets."""
-    rover = {"type": "differential", "track": 0.35, "radius": 0.25, "height": 0.4, "latency_s": 0.05}
+    rover = {"type": "differential", "track": 0.35, "radius": 0.25, "height": 0.4, **MOTORS}
     encoders = {"type": "wheel_encoders", "wheels": 2}
     robot = _robot(rover, encoders, SIMULATED_TARGETS, cfg.speed, heading_deg=0.0)
     return _drive("amr_passage", {**robot, "physics": cfg.physics}, 400.0)
@@ -111,7 +113,7 @@ def wheels() -> list[list[float]]:
 
 
 def _mecanum(targets: tuple[tuple[float, float], ...], speed: float, *, heading_deg: float) -> dict[str, Any]:
-    base = {"type": "mecanum", "wheels": wheels(), "radius": 0.45, "height": 0.6, "latency_s": 0.05}
+    base = {"type": "mecanum", "wheels": wheels(), "radius": 0.45, "height": 0.6, **MOTORS}
     return _robot(base, {"type": "wheel_encoders", "wheels": 8}, targets, speed, heading_deg=heading_deg)
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, Final
+from typing import Any, Final, cast
 
 import numpy as np
 
@@ -24,13 +24,12 @@ from outrider.models.sensors import (
     Sensor,
     SensorModel,
     Twist,
-    WheelsDifferential,
-    WheelsMecanum,
 )
 from outrider.models.vehicles import Differential, Mecanum, Vehicle
 from outrider.sim import sensors
 from outrider.sim.world import World
 from outrider.team import Navigator
+from outrider.team.odometry import Odometry
 from outrider.typing import Floats
 
 Put = tuple[float, float, float, float]  # east, north, up [m], heading [rad]
@@ -48,8 +47,7 @@ USES: Final[dict[type[Any], tuple[type[Any], str, str]]] = {
     sensors.Baro: (Baro, "", "1"),
 }
 PRECISE: Final = frozenset({Fix.FIXED.value})
-RIM_FLOOR: Final = 0.02  # m/s that a rim speed is never believed below: rollers slip
-RIM_REST: Final = 0.002  # m/s, of wheels that stand
+WHEEL_FLOOR: Final = (0.02, 0.03, 0.1, 0.1, 0.1, 0.001)  # m/s, rad/s: no wheel is believed below
 START: Final = {  # standard deviations of what the start does not tell
     "position": 0.3,
     "heading": 0.05,
@@ -83,7 +81,8 @@ def navigator(
         raise ConfigError("cannot tell where it is", fix="give it a gnss, gnss_receiver or object_pose")
     if flies and not any(c.sensor is None for c in channels):
         raise ConfigError("cannot navigate in the air without an IMU", fix="give it an imu")
-    return Navigator(*filter_of(channels, carried, motion, put, world, base), start, world.datum, robot)
+    f, prior = filter_of(channels, carried, motion, put, world, base)
+    return Navigator(f, prior, start, world.datum, robot, odometry_of(carried, base))
 
 
 def filter_of(
@@ -105,9 +104,9 @@ def filter_of(
 
 def channels_of(carried: Sequence[object], motion: Motion, base: Vehicle | None = None) -> tuple[Channel, ...]:
     """How each sensor's stream becomes measurements; those of no use have none."""
-    reckoned = any(isinstance(_bare(s), sensors.BodyTwist) for s in carried)
+    wheels = odometry_of(carried, base) if motion is Motion.PLANAR else None
     out: list[Channel] = []
-    for sensor in carried:
+    for sensor in cast("Sequence[Any]", carried):
         made = _channel(sensor, motion)
         bare = _bare(sensor)
         if made is not None and len(_solutions(bare)) > 1:
@@ -116,8 +115,8 @@ def channels_of(carried: Sequence[object], motion: Motion, base: Vehicle | None 
             out += [replace(made, fixes=frozenset(f.value for f in Fix) - PRECISE), precise]
         elif made is not None:
             out.append(made)
-        elif isinstance(bare, sensors.WheelEncoders) and motion is Motion.PLANAR and not reckoned:
-            out += _rolling(bare, base)
+        elif wheels is not None and sensor.name == wheels.name:
+            out.append(_rolling(wheels.name))
     return tuple(out)
 
 
@@ -152,24 +151,25 @@ def _channel(sensor: Any, motion: Motion) -> Channel | None:
     )  # fmt: skip
 
 
-def _rolling(sensor: sensors.WheelEncoders, base: Vehicle | None) -> list[Channel]:
-    """The rim speeds of a mecanum or differential base, and what they say of it at rest; of others, nothing."""
-    if isinstance(base, Mecanum):
-        model: SensorModel = WheelsMecanum(wheels=base.wheels[: sensor.wheels])
-    elif isinstance(base, Differential) and sensor.wheels >= 2:
-        model = WheelsDifferential(track=base.track)
-    else:
-        return []
-    n = model.sigmas().size
-    moving = Channel(
-        name=sensor.name, stream=sensor.name, sensor=model.code, theta=model.theta(), sigma=model.sigmas(),
-        floor=np.full(n, RIM_FLOOR), rows=np.ones(n, np.bool_),
+def odometry_of(carried: Sequence[object], base: Vehicle | None) -> Odometry | None:
+    """How the encoders of a base tell its motion; None where something else does, or nothing."""
+    encoders = [s for s in map(_bare, carried) if isinstance(s, sensors.WheelEncoders)]
+    if not encoders or any(isinstance(_bare(s), sensors.BodyTwist) for s in carried):
+        return None
+    n, name = encoders[0].wheels, encoders[0].name
+    if isinstance(base, Mecanum) and n == len(base.wheels):
+        return Odometry(name=name, inverse=base.kinematics.inverse)
+    if isinstance(base, Differential) and n >= 2:
+        return Odometry(name=name, inverse=base.inverse)
+    return None
+
+
+def _rolling(name: str) -> Channel:
+    """Speeds and, at rest, the yaw rate as `Odometry` makes them of rim speeds."""
+    return Channel(
+        name=name, stream=name, sensor=Sensor.TWIST, theta=Mount().theta(), sigma=Twist().sigmas(),
+        floor=np.array(WHEEL_FLOOR), rows=np.array([c == "1" for c in "110001"]),
     )  # fmt: skip
-    rest = np.full(n, RIM_REST)
-    return [
-        moving,
-        replace(moving, name=f"{sensor.name} (at rest)", still=True, trust_stated=False, sigma=rest, floor=0.0 * rest),
-    ]
 
 
 def _bare(sensor: Any) -> Any:

@@ -13,6 +13,7 @@ from outrider.filters.engine import Filter, OnlineFilter
 from outrider.filters.screen import Memory, screen
 from outrider.models.kinematics import K_P, K_R, K_SIZE, K_V, K_W, T_P, T_SIZE
 from outrider.models.motion import kinematic_view
+from outrider.team.odometry import Odometry
 from outrider.typing import Floats
 
 
@@ -33,10 +34,20 @@ class Fused:
 
 @final
 class Navigator:
-    """Screens what arrives, fuses it, late records included, and carries the estimate to now."""
+    """Screens what arrives, fuses it, late records included, and carries the estimate to now.
 
-    def __init__(self, f: Filter, prior: Gaussian, start: int, datum: Datum, robot: str = "robot") -> None:
-        self._filter, self._start, self._datum, self.robot = f, start, datum, robot
+    odometry : makes twists of the rim speeds of a base, None where nothing has to."""
+
+    def __init__(
+        self,
+        f: Filter,
+        prior: Gaussian,
+        start: int,
+        datum: Datum,
+        robot: str = "robot",
+        odometry: Odometry | None = None,
+    ) -> None:
+        self._filter, self._start, self._datum, self.robot, self._odometry = f, start, datum, robot, odometry
         self._online = OnlineFilter(f, prior, 0.0)
         self._memory: dict[str, Memory] = {}
         self._order = [0] * len(f.channels)
@@ -44,7 +55,8 @@ class Navigator:
 
     def take(self, news: Iterable[Stream]) -> None:
         """Fuse the records of every stream that a channel listens to."""
-        for s in news:
+        for new in news:
+            s = new if self._odometry is None or new.name != self._odometry.name else self._odometry.twist(new)
             verdict = screen(s, self._memory.setdefault(s.name, Memory()))
             self.refused += int((verdict != 0).sum())
             for code, channel in enumerate(self._filter.channels):

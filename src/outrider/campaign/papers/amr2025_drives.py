@@ -20,7 +20,7 @@ from outrider.models.vehicles import Differential, Mecanum
 from outrider.scenarios.amr2025 import DEGRADED_S, STOPS_DEG
 from outrider.scenarios.build import Cast, build
 from outrider.scenarios.files import load_scenario
-from outrider.scenarios.navigation import channels_of, filter_of
+from outrider.scenarios.navigation import channels_of, filter_of, odometry_of
 from outrider.sim.engine import Simulation
 from outrider.sim.truth import EPOCH, Truth
 from outrider.team import Schedule
@@ -83,8 +83,8 @@ def replayed(cast: Cast, log: EventLog, t: Ints, names: Sequence[str]) -> Floats
     used = [s for s in robot.sensors if s.name in names]
     base: Any = getattr(robot.vehicle, "design", robot.vehicle)
     channels = channels_of(used, Motion.PLANAR, base)
-    made = filter_of(channels, used, Motion.PLANAR, robot.start, cast.world, base)
-    own = Navigator(*made, EPOCH, cast.world.datum, robot.name)
+    f, prior = filter_of(channels, used, Motion.PLANAR, robot.start, cast.world, base)
+    own = Navigator(f, prior, EPOCH, cast.world.datum, robot.name, odometry_of(used, base))
     streams = [log.streams[n] for n in names]
     out, told = np.empty((t.size, 3)), EPOCH - 1
     for row, until in enumerate(t.tolist()):
