@@ -100,7 +100,7 @@ def test_swarm2023_is_told_where_it_contradicts_itself() -> None:
 
 @pytest.mark.parametrize("name", paper_names())
 def test_what_nobody_simulated_is_not_claimed(name: str) -> None:
-    """Rows from seeds would carry their number; today every value of ours follows from printed ones."""
+    """Rows from seeds carry their number; without seeds every value of ours follows from printed ones."""
     rows = rows_of(name).values()
     assert any(r.verdict is Verdict.OPEN for r in rows)
     assert all(r.ours is None or r.ours.n == 0 for r in rows)
@@ -223,3 +223,36 @@ def test_keys_are_anchors() -> None:
     same(["a", "a"])
     with pytest.raises(UsageError, match="toy: two tables or pictures are called a"):
         make_document([paper], Work())
+
+
+def test_tables_of_amr2025_from_given_trials(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two seeds whose numbers are known: means, worst, ratios and verdicts follow."""
+    from outrider.campaign.papers import amr2025_tables as tables
+
+    def column(work: Work, place: str, name: str) -> np.ndarray | None:
+        if place == tables.MUJOCO:
+            return None
+        n = 3 if place == "map 3" else 2
+        known = {
+            "goal_error": np.full((2, n), 0.02) + np.array([[0.0], [0.02]]),
+            "goal_estimate": np.full((2, n), 0.01),
+            "goal_control": np.full((2, n), 0.03),
+            "length_planned": np.array([100.0, 200.0]),
+            "length_driven": np.array([101.0, 206.0]),
+            "raw_rmse": np.array([2.0, 4.0]),
+            "degraded_rmse": np.array([1.0, 1.0]),
+            "degraded_ratio": np.array([0.5, 0.25]),
+        }
+        return known.get(name, np.array([0.9, 0.9]))
+
+    monkeypatch.setattr(tables, "column", column)
+    goals = {f"{r.group}: {r.name}": r for r in tables.driven_goals(Work(seeds=0)).rows}
+    mean, worst = goals["seven goals of the real maps: mean"], goals["seven goals of the real maps: worst of all seeds"]
+    assert mean.ours is not None and mean.ours.mean == pytest.approx(0.03) and mean.ours.n == 2
+    assert worst.ours is not None and worst.ours.mean == pytest.approx(0.04) and worst.verdict is Verdict.AGREES
+    assert goals[f"{tables.MUJOCO}: (-2.78, -7.42)"].verdict is Verdict.OPEN
+    paths = {f"{r.group}: {r.name}": r for r in tables.driven_paths(Work(seeds=0)).rows}
+    longer = paths["map 3: longer by"]
+    assert longer.ours is not None and longer.ours.mean == pytest.approx(2.0) and longer.verdict is Verdict.DIFFERS
+    ratio = tables.degraded(Work(seeds=0)).rows[2]
+    assert ratio.ours is not None and ratio.ours.mean == pytest.approx(0.375) and ratio.printed == "0.57"

@@ -11,7 +11,7 @@ from outrider.cli.papers import print_papers
 
 
 def test_text(outrider: Any, tmp_path: Path) -> None:
-    done = outrider("papers", "amr2025")
+    done = outrider("papers", "amr2025", "--seeds", 0)
     assert done.code == 0 and done.err == ""
     for words in ("0.3486", "90.07", "0.2789", "differs from what is printed", "not simulated yet", "Table 5"):
         assert words in done.out, words
@@ -36,12 +36,12 @@ def test_list(outrider: Any) -> None:
 
 
 def test_html_on_stdout(outrider: Any, tmp_path: Path) -> None:
-    done = outrider("papers", "amr2025", "--format", "html")
+    done = outrider("papers", "amr2025", "--format", "html", "--seeds", 0)
     assert done.out.startswith("<!DOCTYPE html>") and "</html>" in done.out and list(tmp_path.iterdir()) == []
 
 
 def test_a_folder(outrider: Any, tmp_path: Path) -> None:
-    done = outrider("papers", "amr2025", "--output", "out", "--format", "json")
+    done = outrider("papers", "amr2025", "--output", "out", "--format", "json", "--seeds", 0)
     assert done.code == 0 and done.err == "outrider: written to out/report.html\n"
     assert {p.name for p in (tmp_path / "out").iterdir()} == {"papers.json", "report.html"}
     saved = json.loads((tmp_path / "out" / "papers.json").read_text())
@@ -49,7 +49,7 @@ def test_a_folder(outrider: Any, tmp_path: Path) -> None:
     again = outrider("papers", "amr2025", "--output", "out")
     assert again.code == 2 and "holds an earlier result" in again.err and again.out == ""
     page = (tmp_path / "out" / "report.html").read_bytes()
-    assert outrider("papers", "amr2025", "--output", "out", "--force", "--quiet").err == ""
+    assert outrider("papers", "amr2025", "--output", "out", "--force", "--quiet", "--seeds", 0).err == ""
     assert (tmp_path / "out" / "report.html").read_bytes() == page
 
 

@@ -40,7 +40,7 @@ def test_everything_of_the_document_is_on_the_page(html: str) -> None:
             for row in table["rows"]:
                 assert row["name"] in text and row["note"] in text and (row["printed"] or "") in text
         assert all(f["title"] in text and f["caption"] in text for f in paper["figures"])
-    assert parsed.tags.count("svg") == sum(len(p["figures"]) for p in document["papers"]) == 4
+    assert parsed.tags.count("svg") == sum(len(p["figures"]) for p in document["papers"]) == 5
     assert "not simulated yet" in text and "90.07" in text and "< 0.02" in text
 
 

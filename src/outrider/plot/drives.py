@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 
 from outrider.data.grid import Grid
-from outrider.plot.style import FUSED, INK, MUTED, REJECTED, SOURCES, WIDTH, finish, panels, styled
+from outrider.plot.style import FUSED, GRID, INK, MUTED, REJECTED, SOURCES, WIDTH, finish, panels, styled
 from outrider.typing import Floats
 
 HUES = {
@@ -75,8 +75,9 @@ def sites_figure(sites: Sequence[Site]) -> Figure:
 def _map(ax: Axes, site: Site, window: tuple[float, float, float, float]) -> None:
     rows, columns = site.grid.cells.shape
     (west, south), side = site.grid.origin, site.grid.resolution
-    extent = (float(west), float(west) + columns * side, float(south), float(south) + rows * side)
-    ax.imshow(site.grid.occupied, origin="lower", extent=extent, cmap="Greys", vmin=0.0, vmax=2.2, aspect="equal")
+    x, y = west + (np.arange(columns) + 0.5) * side, south + (np.arange(rows) + 0.5) * side
+    ax.contourf(x, y, site.grid.occupied.astype(float), levels=[0.5, 1.5], colors=[GRID])
+    ax.set_aspect("equal")
     for box in site.boxes:
         ax.add_patch(Polygon(box, closed=True, color=INK))
     for k, (x, y) in enumerate(site.goals.tolist()):
