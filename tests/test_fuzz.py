@@ -4,15 +4,19 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import gnss_logs
 from damage import DAMAGE, damaged
 from outrider.data import EventLog, Kind, Outcome, Stream
 from outrider.errors import ExitCode, OutriderError
+from outrider.io.registry import read_log
 from outrider.sim import drone_log, wheeled_log
 from outrider.workflows.config import FuseConfig
 from outrider.workflows.fuse import fuse
@@ -29,7 +33,12 @@ Mutation = Callable[[Stream, np.random.Generator], Stream]
 
 @cache
 def base(vehicle: str) -> EventLog:
-    """Fifteen seconds of a robot that moves."""
+    """Fifteen seconds of a robot that moves; of the walker there is a log of its receiver only."""
+    if vehicle == "walker":
+        with TemporaryDirectory() as folder:
+            path = Path(folder) / "walk.nmea"
+            path.write_text("".join(gnss_logs.nmea_epoch(k, 1) for k in range(15)), encoding="ascii")
+            return read_log(path)
     if vehicle == "rover":
         return wheeled_log(11, 15.0, rate_hz=20.0, exact=True)[0]
     return drone_log(11, 15.0, rate_hz=20.0)[0]
@@ -191,12 +200,12 @@ def warm() -> None:
     fuse(base("rover"))
 
 
-@pytest.mark.parametrize("vehicle", ["rover", "drone"])
+@pytest.mark.parametrize("vehicle", ["rover", "drone", "walker"])
 def test_the_unspoiled_log_is_fine(vehicle):
     assert judge(base(vehicle)) in ("OK", "DEGRADED")
 
 
-@pytest.mark.parametrize("vehicle", ["rover", "drone"])
+@pytest.mark.parametrize("vehicle", ["rover", "drone", "walker"])
 @pytest.mark.parametrize("change", MUTATIONS, ids=lambda m: m.__name__)
 def test_one_spoiled_stream(vehicle, change):
     log = base(vehicle)

@@ -49,7 +49,7 @@ Mapping = Annotated[
         "--mapping",
         metavar="FILE",
         parser=parse.file("--mapping"),
-        help="YAML that says what the columns of a CSV are.",
+        help="YAML that says what the columns of a CSV, .npy or .mat are.",
     ),
 ]
 OneRobot = Annotated[
