@@ -134,3 +134,20 @@ def test_every_alert_of_a_file_ends_in_a_state_with_a_name(tmp_path: Path, capsy
     told = capsys.readouterr().out
     assert "no robot can reach a place with a view of it" in told and "1 line of alerts could not be used" in told
     assert "it was observed" in told and "nobody arrived in time" in told
+
+
+@pytest.mark.compiled
+def test_a_robot_whose_lidar_falls_silent_stops_and_hands_its_alert_back(tmp_path: Path) -> None:
+    fault = "faults: [{type: faulty, sensor: scan, start_s: 6, end_s: 16, how: silent}]"
+    alerts = "alerts: [{t_s: 2, at: [19, 0], hold_s: 2}]"
+    run = RUN.replace("file: alerts.jsonl", alerts).replace(
+        "    mission: {type: patrol,", f"    {fault}\n    mission: {{type: patrol,"
+    )
+    done = made(folder(tmp_path, run.replace("blind_s: 5", "")), duration_s=40.0).run()
+    notes = [n.text for n in done.notes if n.robot == "r1"]
+    (blind,) = [k for k, text in enumerate(notes) if "it stands: it does not see" in text]
+    assert "order 0: the robot did not see" in notes[blind] and "no scan for" in notes[blind]
+    p, t = done.truth["r1"].p, (done.truth["r1"].t - done.monitor.start) * 1e-9
+    still = p[(t > 9.0) & (t < 16.0)]
+    assert np.ptp(still, axis=0).max() < 0.05  # it stood as long as it was blind
+    assert any("it was observed" in text for text in notes[blind + 1 :])  # then it was sent once more

@@ -28,6 +28,7 @@ DRAWING: dict[str, Any] = {
     ],
     "routes": {"nodes": {"in": [0, 0], "out": [LONG, 0]}, "ways": [{"way": ["in", "out"], "width": 2.0}]},
 }
+DRIVE = {"forward": 0.8, "sideways": 0.4, "acceleration": 0.8, "driver": {"patience_s": 90.0}}
 WEST, EAST = ([-8.0, 0.5], [-8.0, -3.0], [-8.0, 3.0]), ([LONG + 8.0, -1.5], [LONG + 8.0, 3.0], [LONG + 8.0, -3.0])
 
 
@@ -41,7 +42,7 @@ def robot(start: tuple[float, float, float], stops: Sequence[Sequence[float]]) -
             {"type": "gnss_receiver", "lever": [0.1, 0.0, 0.7], "latency_s": 0.1},
             {"type": "lidar", "rate_hz": 5.0, "beams": 180, "max_range": 12.0},
         ],
-        "mission": {"type": "patrol", "stops": stops, "period_s": 0.2, "drive": {"driver": {"patience_s": 90.0}}},
+        "mission": {"type": "patrol", "stops": stops, "period_s": 0.2, "drive": DRIVE},
     }
 
 

@@ -63,3 +63,12 @@ def test_a_robot_that_dies_before_a_passage_that_is_its_own_keeps_it_for_no_long
     (first, whose), (then, other), *_ = notes
     assert "passage 0 is r1's" in whose and "passage 0 is r2's" in other and then - first > 8 * S
     assert run.ending is Ending.TIME and crossings(run, "r1") == 0 and crossings(run, "r2") >= 1
+
+
+@pytest.mark.evidence
+@pytest.mark.parametrize("third", [False, True])
+@pytest.mark.parametrize("offset", [5.0, 6.0, 7.0, 8.0])
+def test_whoever_comes_when_all_get_through(offset: float, third: bool) -> None:
+    run = cast(swapping(offset, third), 120.0).run()
+    assert run.ending is Ending.TIME and together(run) == 0
+    assert min(crossings(run, name) for name in run.truth if name != "station") >= 1
