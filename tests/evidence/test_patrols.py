@@ -64,7 +64,9 @@ def excess(s: Station, free: list[Status], waiting: list[Entry], went: list[Entr
 
 def _costs(s: Station, weights: Floats, robot: Status, waiting: list[Entry]) -> list[float]:
     """Metres of free ground to a place with a view of each alert."""
-    start = tuple(s.costmap.cell_of(robot.pose[:2]).tolist())
+    row, col = s.costmap.cell_of(robot.pose[:2]).tolist()  # it may stand nearer to something than it would plan to
+    open_cells = np.argwhere(weights > 0.0)
+    start = tuple(open_cells[np.hypot(*(open_cells - (row, col)).T).argmin()].tolist())
     spread, _ = MCP_Geometric(weights).find_costs([start])
     out: list[float] = []
     for e in waiting:

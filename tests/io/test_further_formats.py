@@ -5,13 +5,13 @@ import gzip
 from collections.abc import Callable
 from pathlib import Path
 
-import gnss_logs
 import numpy as np
 import other_logs
 import pytest
 from flight_logs import cuts, damages, write
 from test_registry import attempt
 
+import gnss_logs
 from outrider.errors import DataError
 from outrider.io import detect, read_log
 

@@ -2,13 +2,13 @@
 
 from pathlib import Path
 
-import gnss_logs
 import numpy as np
 import other_logs
 import pytest
 from flight_logs import cuts, damages, dataflash, ulog, write
 from test_registry import attempt
 
+import gnss_logs
 from outrider.data import Fix, Kind
 from outrider.errors import DataError, UsageError
 from outrider.io import detect, read_log
