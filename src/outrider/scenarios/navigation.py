@@ -48,6 +48,7 @@ USES: Final[dict[type[Any], tuple[type[Any], str, str]]] = {
 }
 PRECISE: Final = frozenset({Fix.FIXED.value})
 WHEEL_FLOOR: Final = (0.02, 0.03, 0.1, 0.1, 0.1, 0.001)  # m/s, rad/s: no wheel is believed below
+RECKONED: Final = {"heading_walk": 0.003, "position_walk": 0.03}  # rad and m per sqrt(m), of wheels on firm ground
 START: Final = {  # standard deviations of what the start does not tell
     "position": 0.3,
     "heading": 0.05,
@@ -97,7 +98,7 @@ def filter_of(
     slow = max((_slow_error(s) for s in carried), default=0.0)
     flies = motion is Motion.STRAPDOWN
     model = StrapdownIns(gnss_bias=slow, gnss_bias_up=1.5 * slow, gravity=world.gravity) if flies else None
-    theta = model.theta() if model is not None else PlanarRobot(gnss_bias=slow, **_sideways(base)).theta()
+    theta = model.theta() if model is not None else PlanarRobot(gnss_bias=slow, **_rolls(base)).theta()
     coasting = replace(model, gyro_noise=0.3, accel_noise=2.0).theta() if model is not None else theta
     return Filter(motion=motion, theta=theta, coasting=coasting, channels=channels), _prior(motion, put, slow)
 
@@ -192,9 +193,11 @@ def _slow_error(sensor: Any) -> float:
     return max((bare.qualities[fix].slow for fix in _solutions(bare)), default=0.0)
 
 
-def _sideways(base: Vehicle | None) -> dict[str, float]:
-    """How a base moves sideways: one on mecanum wheels does so as it is told."""
-    return {"lateral": 0.5, "lateral_time": 2.0} if isinstance(base, Mecanum) else {}
+def _rolls(base: Vehicle | None) -> dict[str, float]:
+    """How surely a base with a gyro is reckoned; one on mecanum wheels goes sideways as it is told."""
+    if isinstance(base, Mecanum):
+        return {**RECKONED, "lateral": 0.5, "lateral_time": 2.0}
+    return dict(RECKONED) if isinstance(base, Differential) else {}
 
 
 def _prior(motion: Motion, put: Put, slow: float) -> Gaussian:
