@@ -15,8 +15,9 @@ from outrider.models.wheels import WheelKinematics, mecanum_rectangle
 from outrider.planning.astar import AStar
 from outrider.planning.local.teb import Teb
 from outrider.planning.refine import Refined
+from outrider.safety.stage import Reason
 from outrider.scenarios.navigation import navigator
-from outrider.sim.engine import Simulation, simulate
+from outrider.sim.engine import simulate
 from outrider.sim.places.crowd import crowd
 from outrider.sim.sensors import BodyTwist, GnssReceiver, Imu, Lidar
 from outrider.sim.team import Robot
@@ -76,8 +77,7 @@ class Trial:
     contact: str
     speed: float
     room: float
-    run: Simulation
-    errand: Errand
+    interventions: dict[Reason, tuple[int, int]]
 
 
 def drive(movers: tuple[Mover, ...], seed: int, seconds: float = 90.0) -> Trial:
@@ -94,8 +94,7 @@ def drive(movers: tuple[Mover, ...], seed: int, seconds: float = 90.0) -> Trial:
         contact="" if run.hit is None else run.hit.what,
         speed=speed,
         room=run.monitor.clearances["robot"].distance,
-        run=run,
-        errand=errand,
+        interventions=errand.body.interventions,
     )
 
 
