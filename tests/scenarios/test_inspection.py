@@ -75,9 +75,9 @@ def test_a_trial_refuses_what_it_does_not_know() -> None:
 
 @pytest.mark.compiled
 def test_a_few_seeds_of_what_the_evidence_shows() -> None:
-    """The order and the honesty of the methods, with 4 seeds; bounds with 60 stand in the evidence."""
+    """The order and the honesty of the methods, with 3 seeds; bounds with 60 stand in the evidence."""
     methods = ["local", "naive", "split_ci", "distributed", "joint"]
-    done = run_trials(cooperation, grid(method=methods), 4)
+    done = run_trials(cooperation, grid(method=methods), 3)
     assert not done.failed
     shown = ("uav_position", "uav_yaw", "uav_nees", "ugv_position")
     mean = {m: {q: float(done.column(q, method=m).mean()) for q in shown} for m in methods}
@@ -92,7 +92,7 @@ def test_a_few_seeds_of_what_the_evidence_shows() -> None:
 @pytest.mark.compiled
 def test_a_bias_is_cured_by_states_for_it_and_by_nothing_else() -> None:
     cases = [{"method": "joint", "gnss_bias": 0.41, "tuned_gnss_bias": b} for b in (0.0, 0.41)]
-    done = run_trials(cooperation, cases, 3)
+    done = run_trials(cooperation, cases, 2)
     blind, aware = (done.column("uav_position", **c).mean() for c in cases)
     assert aware < 0.085 and blind > 2.0 * aware
     assert done.column("uav_nees", **cases[0]).mean() > 3.0 > 1.6 > done.column("uav_nees", **cases[1]).mean()
@@ -100,6 +100,6 @@ def test_a_bias_is_cured_by_states_for_it_and_by_nothing_else() -> None:
 
 @pytest.mark.compiled
 def test_the_papers_world_has_the_papers_errors() -> None:
-    done = run_trials(cooperation, [{"method": m, **PAPER} for m in ("none", "naive")], 3)
+    done = run_trials(cooperation, [{"method": m, **PAPER} for m in ("none", "naive")], 2)
     alone, together = (done.column("ugv_position", method=m).mean() for m in ("none", "naive"))
     assert 0.3 < alone < 0.9 and together < 0.7 * alone
