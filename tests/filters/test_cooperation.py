@@ -114,7 +114,7 @@ def test_joint_filter_is_the_one_filter_over_everybody(rng: np.random.Generator)
         np.testing.assert_allclose(done.P[f"r{i}"][-1], P[6 * i : 6 * i + 6, 6 * i : 6 * i + 6], atol=1e-9)
 
 
-@settings(deadline=None, max_examples=12)
+@settings(deadline=None, max_examples=8)
 @given(seed=st.integers(0, 2**32 - 1), every=st.integers(2, 12), first=st.booleans())
 def test_two_distributed_robots_are_one_filter_whenever_they_have_met(seed: int, every: int, first: bool) -> None:
     """Mean and covariance, to rounding, also if one of the two never sees a fix of its own."""
@@ -212,6 +212,7 @@ def test_relative_jacobians_are_derivatives_for_both(
         np.testing.assert_allclose(H, numeric, atol=2e-6)
 
 
+@pytest.mark.compiled
 def test_a_drone_and_a_rover_with_production_models(rng: np.random.Generator) -> None:
     """A strapdown filter that stands in the air above a planar robot: only its partner tells it where it is."""
     up, rover = np.array([1.0, 2.0, 3.0]), LAYOUTS[Motion.PLANAR]
