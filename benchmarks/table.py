@@ -2,7 +2,8 @@
 
 A module of this package contributes with a function `rows() -> list[Row]`. Times are CPU time per event. Repetitions of
 all sides of a row are interleaved, so that what disturbs the machine disturbs everybody; the ratio is the median of
-the ratios within each repetition.
+the ratios within each repetition. A side that has taken `BOUND_S` and was timed `FEWEST` times is timed no more: slow
+peers get fewer repetitions.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,6 +12,8 @@ from time import process_time
 from typing import final
 
 import numpy as np
+
+BOUND_S, FEWEST = 10.0, 2
 
 
 @final
@@ -26,13 +29,15 @@ class Side:
 @final
 @dataclass(frozen=True)
 class Row:
-    """Ours beside the peers. `tolerance`: largest difference of the results, None where the algorithms differ."""
+    """Ours beside the peers. `tolerance`: largest difference of the results, None where the algorithms differ; then
+    `quality` may tell how good ours are beside the peer's."""
 
     name: str
     ours: Side
     peers: Sequence[Side] = ()
     target: float | None = None  # us per event
     tolerance: float | None = 1e-9
+    quality: Callable[[], str] | None = None
 
 
 @final
@@ -42,6 +47,7 @@ class Timing:
 
     row: Row
     times: list[list[float]] = field(default_factory=list)
+    quality: str = ""
 
     def median(self, side: int = 0) -> float:
         """The middle repetition."""
@@ -53,7 +59,8 @@ class Timing:
 
     def ratio(self, side: int) -> float:
         """How many of our events fit in one of the peer's."""
-        return float(np.median(np.divide(self.times[side], self.times[0])))
+        theirs = self.times[side]
+        return float(np.median(np.divide(theirs, self.times[0][: len(theirs)])))
 
 
 def agree(row: Row, events: int = 60) -> float:
@@ -69,9 +76,11 @@ def measure(row: Row, repetitions: int) -> Timing:
     """Time all sides of a row, interleaved, after a warm-up that compiles and compares."""
     agree(row)
     sides = [row.ours, *row.peers]
-    timing = Timing(row, [[] for _ in sides])
+    timing = Timing(row, [[] for _ in sides], row.quality() if row.quality else "")
     for _ in range(repetitions):
         for side, times in zip(sides, timing.times, strict=True):
+            if len(times) >= FEWEST and side is not row.ours and sum(times) * side.events > BOUND_S * 1e6:
+                continue
             start = process_time()
             side.run(side.events)
             times.append((process_time() - start) / side.events * 1e6)
@@ -87,6 +96,7 @@ def cells(timing: Timing) -> list[str]:
         for k, peer in enumerate(row.peers, start=1)
     ]
     same = "" if not row.peers else "other algorithm" if row.tolerance is None else f"within {row.tolerance:g}"
+    same = timing.quality or same
     return [row.name, f"{timing.median():.3g} / {timing.best():.3g}", target, "; ".join(peers), same]
 
 
