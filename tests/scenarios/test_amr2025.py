@@ -21,7 +21,7 @@ def test_a_short_drive_is_measured(name: str, goals: list[list[float]], far: flo
     assert got["goal_error"].shape == (1,) and got["goal_error"][0] < 0.1
     assert got["goal_error"][0] <= got["goal_estimate"][0] + got["goal_control"][0] + 1e-9
     assert got["length_planned"] == pytest.approx(far, abs=0.1) and 0.9 < got["length_driven"] / far < 1.1
-    assert got["smc_driven"] > 0.9 and got["speed_r"] > 0.9 and 0.0 < got["speed_mae"] <= got["speed_rmse"] < 0.1
+    assert 0.8 < got["smc_driven"] <= 1.0 and got["speed_r"] > 0.9 and 0.0 < got["speed_mae"] <= got["speed_rmse"] < 0.1
     assert got["heading_mae"] < 2.0 and got["fused_end"] < 0.1 and got["local_end"] < 1.0
     assert got["rate_ratio"] == pytest.approx(2.0, abs=0.1)
 
@@ -39,14 +39,17 @@ def test_headings_are_measured_at_every_stop() -> None:
     assert error.shape == (9,) and 0.0 < np.abs(error).mean() < 0.5
     run = build(*load_scenario("amr2025-heading", {"duration_s": 9.0})).run()
     yaw = np.degrees(run.truth["robot"].trajectory().yaw[-1])
-    assert yaw == pytest.approx(STOPS_DEG[0], abs=0.05)  # it has stopped where the paper's robot did
+    step = np.degrees(0.5 * 0.005)  # turned in one step of the vehicle: a command starts and ends with one
+    assert yaw == pytest.approx(STOPS_DEG[0], abs=step)  # it has stopped where the paper's robot did
 
 
 def test_eight_wheels_move_every_way_and_their_rollers_mirror() -> None:
     k = WheelKinematics(tuple((x, y, g) for x, y, g in wheels()))
     assert np.linalg.matrix_rank(k.inverse) == 3
     np.testing.assert_allclose(np.linalg.norm(k.forward, axis=1)[:2], 1.0 / np.sqrt(8.0))  # 0.354 per wheel
-    np.testing.assert_allclose(k.inverse[:4, 2], -k.inverse[[5, 4, 7, 6], 2][[1, 0, 3, 2]])
+    np.testing.assert_allclose(
+        k.inverse[[6, 7, 4, 5]], k.inverse[:4] * [1.0, -1.0, 1.0]
+    )  # rear as front, sideways turned
 
 
 def test_the_second_receiver_degrades_and_is_no_source() -> None:
