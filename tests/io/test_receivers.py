@@ -3,11 +3,11 @@
 from datetime import UTC, datetime
 from pathlib import Path
 
-import gnss_logs as made
 import numpy as np
 import pytest
 from flight_logs import write
 
+import gnss_logs as made
 from outrider.data import Altitude, EventLog, Fix, Kind
 from outrider.errors import DataError
 from outrider.io import read_log

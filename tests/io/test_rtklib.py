@@ -2,12 +2,12 @@
 
 from pathlib import Path
 
-import gnss_logs as made
 import numpy as np
 import pymap3d
 import pytest
 from flight_logs import write
 
+import gnss_logs as made
 from outrider.data import Altitude, Fix, Kind
 from outrider.errors import DataError
 from outrider.io import detect, read_log
