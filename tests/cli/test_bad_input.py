@@ -57,7 +57,7 @@ COMMAND_LINES = {
     "{log} --preset fast": "default, amr2025, robot_localization",
     "{log} -c none.yaml": "cannot be read",
     "{log} -c {log}": "no text",
-    "{log} --mapping none.yaml": "mapping is for CSV",
+    "{log} --mapping none.yaml": "mapping is for tables",
     "{log} -o {log}": "not a directory",
     "{log} -o full": "not empty",
     "{log} -o full --force": "does not overwrite",
