@@ -68,6 +68,7 @@ ROOM = np.array([[-9.0, -3.0, 12.0, -3.0], [12.0, -3.0, 12.0, 3.0], [12.0, 3.0, 
 POSTS = np.array([[2.0, 1.5, 0.1], [4.5, -1.5, 0.3], [5.0, 2.0, 0.15], [7.0, -2.0, 0.05], [8.0, 1.8, 0.25]])
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize(("x", "y", "vx", "vy"), [(4.0, -3.0, 0.0, 1.4), (7.0, 0.5, -1.4, 0.0), (-2.0, 2.0, 1.0, -0.5)])
 def test_a_walker_is_found_with_place_radius_and_velocity(x: float, y: float, vx: float, vy: float) -> None:
     def walker(t: float) -> Floats:
@@ -86,6 +87,7 @@ def test_a_walker_is_found_with_place_radius_and_velocity(x: float, y: float, vx
     assert error[:, 3:].mean() < 0.15 and error[:, 3:].max() < 0.5
 
 
+@pytest.mark.compiled
 def test_who_moves_leaves_no_trace_in_the_costmap() -> None:
     _, costs, found = followed(straight(40), lambda t: np.array([[6.0 - 1.4 * t, 1.5, 0.3]]), NOTHING)
     seen = costs.costmap.cells == LETHAL
@@ -93,6 +95,7 @@ def test_who_moves_leaves_no_trace_in_the_costmap() -> None:
     assert len(found[-1]) == 1 and behind == 0
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("turn", [0.0, 0.6])
 @pytest.mark.parametrize("seed", range(3))
 def test_walls_and_posts_stand_however_the_robot_moves(turn: float, seed: int) -> None:
@@ -102,6 +105,7 @@ def test_walls_and_posts_stand_however_the_robot_moves(turn: float, seed: int) -
     assert sum(len(d) for d in found) == 0
 
 
+@pytest.mark.compiled
 def test_who_stops_stands_in_the_costmap_and_who_goes_on_moves_again() -> None:
     def walker(t: float) -> Floats:
         gone = 1.4 * min(t, 2.0) + 1.4 * max(t - 5.0, 0.0)
