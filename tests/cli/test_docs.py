@@ -31,6 +31,7 @@ def test_every_key_of_the_configuration_is_described_and_no_other() -> None:
         assert re.findall(r"^\| `(\w+)` \|", told[name], flags=re.M) == list(part["properties"]), name
 
 
+@pytest.mark.compiled  # inflates a map
 def test_configurations_in_the_documentation_are_valid() -> None:
     import yaml
 

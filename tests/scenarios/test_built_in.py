@@ -36,6 +36,7 @@ def test_the_wind_carries_the_drone_off_its_lanes() -> None:
     assert abs(calm.p[-1, 0] + 20.0) < 2.0 < abs(windy.p[-1, 0] - calm.p[-1, 0])
 
 
+@pytest.mark.compiled  # inflates the maps of its robots
 def test_every_scenario_can_be_built_and_says_what_it_is() -> None:
     for name, known in scenarios().items():
         cast = build(*load_scenario(name))
