@@ -21,6 +21,8 @@ from outrider.team.ground import Ground
 from outrider.team.navigator import Fused, Navigator
 from outrider.typing import Floats
 
+pytestmark = pytest.mark.compiled  # every one inflates a map, many times
+
 S = 1_000_000_000
 LIMITS = DriveLimits(
     steering=Steering.DIFFERENTIAL, forward=1.0, backward=0.5, turn=1.0, acceleration=1.0, turn_acceleration=2.0
