@@ -24,7 +24,7 @@ def test_around_a_wall() -> None:
     cells = np.zeros((20, 30), np.uint8)
     cells[:15, 10:14] = LETHAL
     grid, ends = costmap(cells), (middle((3, 3)), middle((3, 25)))
-    path, best = SamplingPlanner(seconds=0.5).plan(grid, *ends), AStar().plan(grid, *ends)
+    path, best = SamplingPlanner(seconds=3.0).plan(grid, *ends), AStar().plan(grid, *ends)
     assert path.found
     assert 0.9 * best.length < path.length < 1.5 * best.length
     assert cost_along(grid, Traversal(), path.points) < np.inf
