@@ -318,3 +318,29 @@ def test_bad_teams_are_refused_in_words(rng: np.random.Generator) -> None:
     stranger = Shared(one="r0", one_block="position", two="x", two_block="position", covariance=np.eye(3))
     with pytest.raises(ConfigError, match="no robot 'x'"):
         fused((members, sources, truth), Method.JOINT, np.array([0.5]), shared=[stranger])
+
+
+@pytest.mark.parametrize("method", [Method.JOINT, Method.DISTRIBUTED])
+def test_a_robot_that_starts_later_rests_until_then(method: Method, rng: np.random.Generator) -> None:
+    """Until its start the others go on as if it were not there; from then on as a team that begins with it."""
+    members, sources, _ = points(rng, 2, 40, 3)
+    late, times = 20 * STEP, STEP * np.arange(1, 40)
+    team = ([members[0], replace(members[1], start=late)], sources)
+    done = fuse_team(*team, method, times, start=0.0)
+    alone = fuse_team(members[:1], sources[:1], Method.LOCAL, times, start=0.0)
+    before = times < late - 1e-9
+    np.testing.assert_allclose(done.x["r0"][before], alone.x["r0"][before], atol=1e-12)
+    np.testing.assert_array_equal(done.x["r1"][before], np.tile(members[1].belief.x, (before.sum(), 1)))
+    told = [s for s in sources if s.robot == "r1" or s.partner]
+    early = sum(int((s.t < late - 1e-9).sum()) for s in told)
+    assert done.counts()[Verdict.NOT_ALIGNED] == early
+    first = replace(members[0], belief=Gaussian(alone.x["r0"][before][-1], alone.P["r0"][before][-1], FOLLOWER))
+    rest = [replace(s, t=s.t[s.t > late - 1e-9], z=s.z[s.t > late - 1e-9]) for s in sources]
+    # r0's belief is moved on to the start of the other by hand
+    x, dt, F = first.belief.x, STEP, np.block([[np.eye(3), STEP * np.eye(3)], [np.zeros((3, 3)), np.eye(3)]])
+    Q = 0.09 * np.kron([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]], np.eye(3))
+    moved = Gaussian(F @ x, F @ first.belief.P @ F.T + Q, FOLLOWER)
+    again = fuse_team([replace(first, belief=moved), members[1]], rest, method, times[-1:], start=late)
+    for name in ("r0", "r1"):
+        np.testing.assert_allclose(done.x[name][-1], again.x[name][-1], atol=1e-9)
+        np.testing.assert_allclose(done.P[name][-1], again.P[name][-1], atol=1e-9)

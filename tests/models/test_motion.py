@@ -11,6 +11,7 @@ from outrider.models.motion import (
     EulerBody,
     LaggedFollower,
     Motion,
+    OdometricRobot,
     OmnidirectionalBody,
     PlanarRobot,
     StrapdownIns,
@@ -25,6 +26,7 @@ PARAMETERS = {
     Motion.FOLLOWER: LaggedFollower(lag=0.7),
     Motion.DRIFTING: DriftingRover(gnss_bias=1.0, gyro_bias_walk=0.1),
     Motion.EULER: EulerBody(gnss_bias=1.0, accel_bias_walk=0.1, gyro_bias_walk=0.1),
+    Motion.ODOMETRIC: OdometricRobot(),
 }
 ALL = sorted(Motion)
 

@@ -171,7 +171,7 @@ def _apart(
         k = int(records.source[e])
         i, j, now = int(owner[k]), int(seen[k]), float(records.t[e])
         theta, code = models[k]
-        if now < span[0]:
+        if now < max(span[0], members[i].start, members[j].start):
             out[e] = Verdict.NOT_ALIGNED, np.nan, 0
             continue
         filters[i].run(now)

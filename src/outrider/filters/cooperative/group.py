@@ -48,6 +48,7 @@ class Group(NamedTuple):
     partner: Ints  # (sources,) who is seen, -1: nobody
     parameters: Floats  # (sources, THETA_SIZE)
     gate: Floats  # (ROWS + 1,) threshold by degrees of freedom
+    begin: Floats  # (members,) s, from when on the first belief of each counts; it rests until then
 
 
 class Belief(NamedTuple):
@@ -109,10 +110,12 @@ def advance(g: Group, b: Belief, ws: Scratch, now: float) -> None:
         for i in range(g.rows.shape[0]):
             e, x = g.rows[i, I_E], g.rows[i, I_X]
             F, Q = ws.F[i], ws.Q[i]
-            propagate(g.rows[i, I_CODE], b.x[x : x + g.rows[i, I_NX]], dt, b.u[i], g.theta[i], F, Q)
-            for r in range(g.rows[i, I_N]):
-                for c in range(g.rows[i, I_N]):
-                    ws.F_all[e + r, e + c], ws.Q_all[e + r, e + c] = F[r, c], Q[r, c]
+            awake = min(dt, b.clock[0] + dt - g.begin[i])
+            if awake > 0.0:
+                propagate(g.rows[i, I_CODE], b.x[x : x + g.rows[i, I_NX]], awake, b.u[i], g.theta[i], F, Q)
+                for r in range(g.rows[i, I_N]):
+                    for c in range(g.rows[i, I_N]):
+                        ws.F_all[e + r, e + c], ws.Q_all[e + r, e + c] = F[r, c], Q[r, c]
         propagate_covariance(b.P, ws.F_all, ws.Q_all, ws.w)
         if b.carried.shape[0] == n:
             times(ws.F_all, ws.w.at, b.carried, ws.w.W)
@@ -120,6 +123,13 @@ def advance(g: Group, b: Belief, ws: Scratch, now: float) -> None:
                 for c in range(n):
                     b.carried[r, c] = ws.w.W[r, c]
         b.clock[0] = b.clock[0] + dt if left > LONGEST else now
+
+
+@kernel
+def begun(g: Group, src: int, now: float) -> bool:
+    """Whether the first beliefs of whom a record is about count by now."""
+    j = g.partner[src]
+    return bool(now >= g.begin[g.member[src]] and (j < 0 or now >= g.begin[j]))
 
 
 @kernel
@@ -311,7 +321,7 @@ def run(
             kept += 1
         if e == t.size:
             advance(g, b, ws, now)
-        elif now < b.clock[0]:
+        elif now < b.clock[0] or (g.code[source[e]] >= 0 and not begun(g, source[e], now)):
             out[e, 0] = _NOT_ALIGNED
         elif g.code[source[e]] < 0:
             i = g.member[source[e]]

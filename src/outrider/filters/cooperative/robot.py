@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import inf
 from typing import Protocol, final
 
 import numpy as np
@@ -33,13 +34,17 @@ class MotionModel(Protocol):
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Member:
-    """One robot. belief : at the start, in the layout of its motion;  consider : states whose value stays as it is."""
+    """One robot. belief : at the start, in the layout of its motion;  consider : states whose value stays as it is.
+
+    start : s, when the belief holds, if that is after the team's start: what comes before is not fused
+    """
 
     name: str
     motion: Motion
     model: MotionModel
     belief: Gaussian
     consider: tuple[str, ...] = ()
+    start: float = -inf
 
 
 @final
@@ -186,5 +191,5 @@ def _group(members: Sequence[Member], sources: Sequence[Source], gate: Floats) -
         parameters=np.array([np.zeros(THETA_SIZE) if s.sensor is None else s.sensor.theta() for s in sources]).reshape(
             -1, THETA_SIZE
         ),
-        gate=gate,
+        gate=gate, begin=np.array([m.start for m in members]),
     )  # fmt: skip

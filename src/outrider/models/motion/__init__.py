@@ -11,10 +11,11 @@ from typing import Final
 
 from outrider._kernel import kernel
 from outrider.data import StateLayout
-from outrider.models.motion import drifting, euler, follower, omnidirectional, planar, strapdown
+from outrider.models.motion import drifting, euler, follower, odometric, omnidirectional, planar, strapdown
 from outrider.models.motion.drifting import DriftingRover
 from outrider.models.motion.euler import EulerBody
 from outrider.models.motion.follower import LaggedFollower
+from outrider.models.motion.odometric import OdometricRobot
 from outrider.models.motion.omnidirectional import OmnidirectionalBody
 from outrider.models.motion.planar import PlanarRobot
 from outrider.models.motion.strapdown import StrapdownIns
@@ -30,6 +31,7 @@ class Motion(IntEnum):
     FOLLOWER = 3
     DRIFTING = 4
     EULER = 5
+    ODOMETRIC = 6
 
 
 LAYOUTS: Final[Mapping[Motion, StateLayout]] = {
@@ -39,6 +41,7 @@ LAYOUTS: Final[Mapping[Motion, StateLayout]] = {
     Motion.FOLLOWER: follower.LAYOUT,
     Motion.DRIFTING: drifting.LAYOUT,
     Motion.EULER: euler.LAYOUT,
+    Motion.ODOMETRIC: odometric.LAYOUT,
 }
 
 
@@ -55,8 +58,10 @@ def propagate(code: int, x: Floats, dt: float, u: Floats, theta: Floats, F: Floa
         follower.propagate(x, dt, u, theta, F, Q)
     elif code == 4:
         drifting.propagate(x, dt, u, theta, F, Q)
-    else:
+    elif code == 5:
         euler.propagate(x, dt, u, theta, F, Q)
+    else:
+        odometric.propagate(x, dt, u, theta, F, Q)
 
 
 @kernel
@@ -72,11 +77,13 @@ def kinematic_view(code: int, x: Floats, u: Floats, theta: Floats, k: Floats, K:
         follower.kinematic_view(x, u, theta, k, K)
     elif code == 4:
         drifting.kinematic_view(x, u, theta, k, K)
-    else:
+    elif code == 5:
         euler.kinematic_view(x, u, theta, k, K)
+    else:
+        odometric.kinematic_view(x, u, theta, k, K)
 
 
 __all__ = [
-    "LAYOUTS", "DriftingRover", "EulerBody", "LaggedFollower", "Motion", "OmnidirectionalBody", "PlanarRobot",
-    "StrapdownIns", "kinematic_view", "propagate",
+    "LAYOUTS", "DriftingRover", "EulerBody", "LaggedFollower", "Motion", "OdometricRobot", "OmnidirectionalBody",
+    "PlanarRobot", "StrapdownIns", "kinematic_view", "propagate",
 ]  # fmt: skip
