@@ -63,7 +63,7 @@ def drive(planner, now: Situation, seconds: float, jitter: float = 0.0, seed: in
         true[:, :2] += true[:, 3:] * period
         seen = true.copy()
         seen[:, :2] += jitter * rng.standard_normal((len(seen), 2))
-        around_now = Surroundings(discs=seen, field=now.surroundings.field)
+        around_now = replace(now.surroundings, discs=seen)
         now = replace(now, time=now.time + period, pose=way[-1], twist=last.twist, surroundings=around_now)
         poses.append(way[-1])
     return plans, np.array(poses), least

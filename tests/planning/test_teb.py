@@ -13,7 +13,7 @@ from outrider.data.surroundings import Surroundings
 from outrider.errors import ConfigError, DataError
 from outrider.planning.local.optimise import optimise
 from outrider.planning.local.teb import TebSettings
-from outrider.safety.clearance import around
+from outrider.safety.clearance import around, body_of, clash
 
 pytestmark = pytest.mark.compiled
 
@@ -106,6 +106,39 @@ def test_a_wall_in_the_map_is_driven_around() -> None:
     plans, _, least = drive(teb(DIFFERENTIAL), situation((4.0, 0.0, 0.0), surroundings=Surroundings(field=field)), 30.0)
     assert plans[-1].outcome is LocalOutcome.ARRIVED
     assert least > 0.0
+
+
+STANDS = np.array([[3.0, 0.0, 0.3, 0.0, 0.0]])
+
+
+@pytest.mark.parametrize("base", BASES)
+@pytest.mark.parametrize("aside", [0.05, 0.4, 0.9])
+def test_who_may_set_off_is_passed_no_faster_than_it_can_stop_within_the_gap(base: str, aside: float) -> None:
+    """Somebody stands on open ground beside the way: |u| <= gap / t, up to the softness of the band."""
+    planner, discs = teb(BASES[base]), STANDS + [0.0, aside, 0.0, 0.0, 0.0]
+    now = situation((6.0, 0.0, 0.0), surroundings=Surroundings(discs=discs, wary=discs))
+    plans, poses, least = drive(planner, now, 40.0)
+    assert plans[-1].outcome is LocalOutcome.ARRIVED
+    assert least > 0.25
+    limits, here = planner.limits, around(now.surroundings, 1.0)
+    t = planner.settings.notice + 0.5 * limits.forward / limits.deceleration
+    for pose, plan in zip(poses[1:], plans, strict=False):
+        gap = clash(np.array([[*pose, 0.0]]), body_of(planner.footprint), here).room
+        assert np.hypot(*plan.twist[:2]) <= gap / t + 0.1 * limits.forward
+
+
+@pytest.mark.parametrize("base", BASES)
+def test_in_a_narrow_lane_it_passes_slowly_who_may_set_off(base: str) -> None:
+    """Walls leave 0.7 m beside him to a robot 0.45 m wide: 0.12 m on either side. It does not wait before it, either."""
+    planner = teb(BASES[base])
+    field = walls((1.0, 1.0, 5.0, 1.2), (1.0, -4.0, 5.0, -0.3))
+    around_him = Surroundings(discs=STANDS, wary=STANDS, field=field)
+    now = situation((6.0, 0.7, 0.0), pose=(0.0, 0.7, 0.0), surroundings=around_him)
+    plans, poses, least = drive(planner, now, 25.0)
+    assert plans[-1].outcome is LocalOutcome.ARRIVED
+    assert least > 0.02
+    beside = np.array([p.twist for p in plans])[np.abs(poses[1 : len(plans) + 1, 0] - 3.0)[: len(plans)] < 0.2]
+    assert np.hypot(beside[:, 0], beside[:, 1]).max() < 0.25
 
 
 def test_somebody_who_crosses_is_let_past_or_passed() -> None:

@@ -18,6 +18,13 @@ def test_it_arrives_among_people_in_time_and_touches_nobody(seed: int) -> None:
     assert trial.room > 0.0
 
 
+@pytest.mark.parametrize("seed", [32, 45])
+def test_who_stands_beside_the_way_may_set_off_while_it_passes(seed: int) -> None:
+    """In both runs somebody does, and is known to move 0.4 s later: at the gap that things are given he was hit."""
+    trial = drive(people(seed), seed)
+    assert trial.arrived and not trial.contact and trial.room > 0.2
+
+
 def test_somebody_who_walks_up_to_it_head_on_is_let_past() -> None:
     """It moves aside, or stands when he touches it: never on into him."""
     man = Mover.along("man", [[0.1, 14.0], [0.1, -3.0]], 1.4, start_s=2.0)

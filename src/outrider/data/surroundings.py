@@ -41,20 +41,23 @@ class DistanceField:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Surroundings:
     """discs : (n, 5) x, y, radius [m], v_x, v_y [m/s], site frame: points and round things, still or moving;
-    field : what is mapped.  Raises DataError for discs that are not finite or of negative radius.
+    wary : (m, 5) the same of what stands and may set off: it is passed slowly or at a distance, and is no obstacle by
+    itself;  field : what is mapped.  Raises DataError for discs that are not finite or of negative radius.
     """
 
     discs: Floats = field(default_factory=lambda: NOTHING)
+    wary: Floats = field(default_factory=lambda: NOTHING)
     field: DistanceField | None = None
 
     def __post_init__(self) -> None:
-        if self.discs.ndim != 2 or self.discs.shape[1:] != (5,):
-            fix = "rows of x, y, radius, v_x, v_y"
-            raise DataError(f"discs of shape {self.discs.shape}", where="surroundings", fix=fix)
-        bad = ~np.isfinite(self.discs).all(axis=1) | (self.discs[:, 2] < 0.0)
-        if bad.any():
-            at = int(np.flatnonzero(bad)[0])
-            raise DataError(f"disc {at} is {self.discs[at].tolist()}", where="surroundings", fix="drop the point")
+        for discs in (self.discs, self.wary):
+            if discs.ndim != 2 or discs.shape[1:] != (5,):
+                fix = "rows of x, y, radius, v_x, v_y"
+                raise DataError(f"discs of shape {discs.shape}", where="surroundings", fix=fix)
+            bad = ~np.isfinite(discs).all(axis=1) | (discs[:, 2] < 0.0)
+            if bad.any():
+                at = int(np.flatnonzero(bad)[0])
+                raise DataError(f"disc {at} is {discs[at].tolist()}", where="surroundings", fix="drop the point")
 
     @classmethod
     def points(cls, p: Floats, radius: float = 0.0, v: Floats | None = None) -> Self:

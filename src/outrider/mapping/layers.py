@@ -139,6 +139,22 @@ class LayeredCostmap:
         out[inside] = self._held[tuple(cells[inside].T)] <= TWICE
         return out
 
+    def drawn(self, points: Floats) -> NDArray[np.bool_]:
+        """(n,) whether the points (n, 2) m lie on what the drawn map says is taken."""
+        return self._at(self._static, points) == LETHAL
+
+    def taken(self, points: Floats) -> NDArray[np.bool_]:
+        """(n,) whether the points (n, 2) m lie on what stands now."""
+        return self._at(self._out, points) == LETHAL
+
+    def _at(self, cells: Cells, points: Floats) -> Cells:
+        """(n,) the cells in which points lie, `UNKNOWN` beyond them."""
+        at = np.floor((points - self.origin) / self.resolution).astype(np.int64)[:, ::-1]
+        inside = ((at >= 0) & (at < self._shape)).all(axis=1)
+        out = np.full(len(points), UNKNOWN, np.uint8)
+        out[inside] = cells[tuple(at[inside].T)]
+        return out
+
     def replace_zones(self, keep_out: Cells | None) -> None:
         """Other cells that may not be entered (not 0), on the grid of the ground; None where the zones were lost."""
         if keep_out is not None and keep_out.shape != self._ground.cells.shape:

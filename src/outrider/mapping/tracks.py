@@ -115,6 +115,11 @@ class Tracker:
         ahead = max(t_s - self._time, 0.0) if len(a.x) else 0.0
         return np.column_stack([a.x[:, :2] + ahead * a.x[:, 2:], a.radius + self._settings.margin, a.x[:, 2:]])
 
+    def standing(self) -> Floats:
+        """(n, 5) the same of what is followed and does not move, as wide as it looks."""
+        a = self._all.kept(~self._all.moving)
+        return np.column_stack([a.x[:, :2], a.radius, np.zeros((len(a.x), 2))])
+
     def _predict(self, t_s: float) -> None:
         dt = max(t_s - self._time, 0.0) if len(self._all.x) else 0.0
         self._time = t_s

@@ -1,7 +1,7 @@
 """What a driver knows of the ground around its robot: a costmap of what stands, and what moves."""
 
 from collections.abc import Sequence
-from typing import final
+from typing import Final, final
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from outrider.mapping.layers import LayeredCostmap, Other
 from outrider.mapping.tracks import Tracker, Tracking
 from outrider.team.navigator import Fused
 from outrider.typing import Floats
+
+ALONE: Final = 0.4  # m of open ground about what stands alone
+RING: Final = np.column_stack([f(np.arange(8) * np.pi / 4) for f in (np.cos, np.sin)])
 
 
 @final
@@ -63,4 +66,12 @@ class Sight:
         taken = np.where((cells == LETHAL) | (cells == UNKNOWN), cells, 0).astype(np.uint8)
         corner = m.origin + np.array([c0, r0]) * m.resolution
         field = DistanceField.of(Costmap(cells=taken, resolution=m.resolution, origin=corner))
-        return Surroundings(discs=np.vstack([self._tracker.discs(t_s), told]), field=field)
+        return Surroundings(discs=np.vstack([self._tracker.discs(t_s), told]), wary=self._wary(), field=field)
+
+    def _wary(self) -> Floats:
+        """(m, 5) what stands alone and is not drawn: it may be somebody, who may set off."""
+        discs = self._tracker.standing()
+        edge = discs[:, None, :2] + discs[:, None, 2:3] * RING
+        drawn = self._map.drawn(edge.reshape(-1, 2)).reshape(-1, len(RING)).any(axis=1)
+        beside = self._map.taken((edge + ALONE * RING).reshape(-1, 2)).reshape(-1, len(RING)).any(axis=1)
+        return discs[~(drawn | beside)]

@@ -17,6 +17,7 @@ from outrider.planning.local.terms import (
     evenness,
     mapped,
     obstacle,
+    passing,
     slip,
     turning,
     turning_radius,
@@ -115,14 +116,56 @@ def clock_terms(z: Floats, i: int, p: Problem, s: Floats, B: Floats, b: Floats) 
 
 
 @inlined
+def lever(z: Floats, i: int, discs: Floats, j: int, c: float, s: float, v: Floats) -> None:
+    """v <- x, y and time of the middle of disc j at knot i, whose heading has cosine c and sine s."""
+    v[0] = z[i, 0] + c * discs[j, 0] - s * discs[j, 1]
+    v[1] = z[i, 1] + s * discs[j, 0] + c * discs[j, 1]
+    v[2] = z[i, 3]
+
+
+@inlined
+def reach(discs: Floats) -> float:
+    """How far the discs that cover the body lie from its origin at most."""
+    wide = 0.0
+    for j in range(discs.shape[0]):
+        wide = max(wide, hypot(discs[j, 0], discs[j, 1]) + discs[j, 2])
+    return wide
+
+
+@inlined
+def passing_terms(z: Floats, i: int, wide: float, p: Problem, J: Floats, s: Floats, B: Floats, b: Floats) -> float:
+    """The speed of step i, at its end, beside what may set off."""
+    v, theta, g, da, cost = s[V], s[THETA], s[G], s[DA], 0.0
+    far = p.reaction * hypot(J[0, 8], J[1, 8]) + wide
+    c, h = cos(z[i + 1, 2]), sin(z[i + 1, 2])
+    for k in range(p.wary.shape[0]):
+        if hypot(z[i + 1, 0] - p.wary[k, 0], z[i + 1, 1] - p.wary[k, 1]) >= far + p.wary[k, 2]:
+            continue
+        theta[0], theta[1], theta[3] = p.wary[k, 0], p.wary[k, 1], p.slowest
+        for j in range(p.discs.shape[0]):
+            lever(z, i + 1, p.discs, j, c, h, v)
+            theta[2], v[2], v[3] = p.wary[k, 2] + p.discs[j, 2], J[0, 8], J[1, 8]
+            r = passing(v, theta, 1.0 / p.reaction, g)
+            if r > 0.0:
+                for m in range(8):
+                    da[m] = g[2] * J[0, m] + g[3] * J[1, m]
+                da[4] += g[0]
+                da[5] += g[1]
+                da[6] += g[1] * (v[0] - z[i + 1, 0]) - g[0] * (v[1] - z[i + 1, 1])
+                cost += spread(B, b, KNOT * i, da, 8, r, p.dt * p.weights.passing)
+    return cost
+
+
+@inlined
 def steps(z: Floats, n: int, p: Problem, u: Floats, s: Floats, B: Floats, b: Floats) -> float:
-    """Terms of every step: its duration and its twist."""
-    cost = 0.0
+    """Terms of every step: its duration, its twist, and whom it passes."""
+    cost, wide = 0.0, reach(p.discs)
     for i in range(n - 1):
         at, J = KNOT * i, u[i]
         motion(z, i, J)
         cost += clock_terms(z, i, p, s, B, b)
         cost += step_terms(p, J, s)
+        cost += passing_terms(z, i, wide, p, J, s, B, b)
         for k in range(8):
             x = s[W3, 0] * J[0, k] + s[W3, 1] * J[1, k] + s[W3, 2] * J[2, k]
             y = s[W3 + 1, 0] * J[0, k] + s[W3 + 1, 1] * J[1, k] + s[W3 + 1, 2] * J[2, k]
@@ -203,14 +246,6 @@ def stiffness(z: Floats, n: int, p: Problem, u: Floats, s: Floats, D: Floats, id
 
 
 @inlined
-def lever(z: Floats, i: int, discs: Floats, j: int, c: float, s: float, v: Floats) -> None:
-    """v <- x, y and time of the middle of disc j at knot i, whose heading has cosine c and sine s."""
-    v[0] = z[i, 0] + c * discs[j, 0] - s * discs[j, 1]
-    v[1] = z[i, 1] + s * discs[j, 0] + c * discs[j, 1]
-    v[2] = z[i, 3]
-
-
-@inlined
 def knot_term(z: Floats, i: int, s: Floats, slope: float, r: float, tau: float, weight: float) -> float:
     """Row G by the place of a disc, and `slope` by the time, as a term of knot i, gathered in Q5 and E.
 
@@ -261,9 +296,7 @@ def body_terms(z: Floats, i: int, wide: float, tau: float, p: Problem, s: Floats
 @inlined
 def bodies(z: Floats, n: int, p: Problem, s: Floats, B: Floats, b: Floats) -> float:
     """Terms of every pose but the first: obstacles and the map."""
-    cost, wide = 0.0, 0.0
-    for j in range(p.discs.shape[0]):
-        wide = max(wide, hypot(p.discs[j, 0], p.discs[j, 1]) + p.discs[j, 2])
+    cost, wide = 0.0, reach(p.discs)
     for i in range(1, n):
         after = min(i + 1, n - 1)
         more = body_terms(z, i, wide, 0.5 * (z[after, 3] - z[i - 1, 3]), p, s)

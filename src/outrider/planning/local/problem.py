@@ -22,6 +22,7 @@ class Weights(NamedTuple):
     backward: float = 1.0
     turning: float = 0.05
     obstacle: float = 60.0
+    passing: float = 40.0
 
 
 class Problem(NamedTuple):
@@ -36,6 +37,8 @@ class Problem(NamedTuple):
     through: bool  # the end is passed at speed
     gap: float  # m, wanted to obstacles
     horizon: float  # s, how long an obstacle is believed to keep its velocity
+    reaction: float  # s, from when somebody sets off until the robot stands
+    slowest: float  # m/s, as slow as it passes somebody
     west: float  # m, of the field
     south: float
     resolution: float
@@ -43,6 +46,7 @@ class Problem(NamedTuple):
     rates: Floats  # (4, 3) acceleration axes in shares of their limits, and the twist now
     discs: Floats  # (k, 3) x, y, radius of the discs that cover the body
     obstacles: Floats  # (n, 5) x, y, radius, v_x, v_y
+    wary: Floats  # (m, 5) the same of what stands and may set off
     field: Floats  # (rows, cols) m, empty for none
 
 

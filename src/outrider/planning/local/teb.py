@@ -37,7 +37,7 @@ class TebSettings:
 
     step : m between knots at full speed, and dt : s at the most;  period : s between answers;  reach : m of path that
     is looked at;  gap : m wanted to obstacles;  spare : m below which a trajectory counts as blocked;  horizon : s for
-    which others are believed to keep their velocity;  capacity : knots;  ways : at most so many are compared;
+    which others are believed to keep their velocity;  notice : s from when somebody sets off until it brakes, and slowest : m/s that it passes him with;  capacity : knots;  ways : at most so many are compared;
     explore : s between looking for other ways;  keep : s and share of the time by which another way must be better;
     dear : s that passing something without a gap costs in the comparison;
     xy, yaw : m and rad within which a goal is reached;
@@ -51,6 +51,8 @@ class TebSettings:
     gap: float = 0.3
     spare: float = 0.02
     horizon: float = 4.0
+    notice: float = 0.6
+    slowest: float = 0.15
     capacity: int = 240
     ways: int = 4
     explore: float = 0.5
@@ -62,7 +64,7 @@ class TebSettings:
     weights: Weights = field(default_factory=Weights)
 
     def __post_init__(self) -> None:
-        for name in ("step", "dt", "period", "reach", "gap", "horizon", "explore", "xy", "yaw", "share"):
+        for name in ("step", "dt", "period", "reach", "gap", "horizon", "notice", "slowest", "explore", "xy", "yaw", "share"):
             if not 0.0 < getattr(self, name) < np.inf:
                 raise ConfigError(f"{name} of {getattr(self, name)}", where="teb", fix="a positive number")
         if self.capacity < 20 or self.ways < 1:
@@ -175,8 +177,10 @@ class Teb:
         return Problem(
             weights=s.weights, dt=self._dt, share=s.share, top=limits.forward,
             holonomic=limits.steering is Steering.HOLONOMIC, radius=1.1 * limits.min_radius, through=now.through,
-            gap=gap, horizon=s.horizon, west=a.west, south=a.south, resolution=a.resolution, rows=self._rows,
-            rates=np.vstack([limits.axes, now.twist]), discs=self._discs, obstacles=a.discs, field=a.field,
+            gap=gap, horizon=s.horizon, reaction=s.notice + 0.5 * limits.forward / limits.deceleration,
+            slowest=s.slowest, west=a.west, south=a.south, resolution=a.resolution, rows=self._rows,
+            rates=np.vstack([limits.axes, now.twist]), discs=self._discs, obstacles=a.discs,
+            wary=now.surroundings.wary, field=a.field,
         )  # fmt: skip
 
     def _optimised(self, z: Floats, p: Problem, a: Around, *, passes: int, iterations: int) -> Band:

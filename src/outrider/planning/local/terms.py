@@ -124,6 +124,27 @@ def obstacle(v: Floats, theta: Floats, a: float, g: Floats) -> float:
 
 
 @inlined
+def passing(v: Floats, theta: Floats, a: float, g: Floats) -> float:
+    """v = x, y of a disc of the body, and its velocity u_x, u_y in any frame;  theta = x, y, reach of what may set off,
+    slowest speed;  a = 1 / seconds from when it sets off until the robot stands.
+
+    r = |u| / most - 1 if positive, most = a (|c - o| - reach), but no less than the slowest: the robot is only as fast
+    as it can stop within the gap that there is.
+    """
+    dx, dy = v[0] - theta[0], v[1] - theta[1]
+    d, u = sqrt(dx * dx + dy * dy), sqrt(v[2] * v[2] + v[3] * v[3])
+    most = a * (d - theta[2])
+    slow = most < theta[3]
+    most = theta[3] if slow else most
+    if u <= most:
+        g[0], g[1], g[2], g[3] = 0.0, 0.0, 0.0, 0.0
+        return 0.0
+    f, h = 0.0 if slow else a * u / (most * most * d), 1.0 / (u * most)
+    g[0], g[1], g[2], g[3] = -f * dx, -f * dy, h * v[2], h * v[3]
+    return u / most - 1.0
+
+
+@inlined
 def mapped(v: Floats, theta: Floats, a: float, g: Floats, field: Floats) -> float:
     """v = x, y of a disc of the body;  theta = west, south, resolution, reach;  a = 1 / wanted gap;  field: distances.
 
@@ -164,5 +185,6 @@ TERMS: Final[Mapping[str, Term]] = {
     "backward": Term(backward, 3, (), 1.5),
     "turning": Term(turning, 3, (), 0.8),
     "obstacle": Term(obstacle, 3, (0.1, -0.2, 1.5, 0.3, -0.4, 0.5), 2.0),
+    "passing": Term(passing, 4, (0.1, -0.2, 0.3, 0.4), 1.1),
     "mapped": Term(mapped, 2, (-1.6, -1.4, 0.4, 1.1), 1.3),
 }
