@@ -42,7 +42,8 @@ def everything(base: str):
     p = teb(BASES[base])._problem(now, around(now.surroundings, 1.2))
     p = p._replace(
         west=-0.5, south=-1.0, obstacles=np.array([[0.5, 0.4, 0.2, 0.1, -0.2], [1.5, 0.2, 0.1, 0.0, 0.0]]), horizon=1.2,
-        wary=np.array([[0.9, 0.9, 0.1, 0.0, 0.0], [1.2, 0.1, 0.2, 0.0, 0.0]]), field=np.abs(rng.normal(size=(30, 30))) * 0.5, resolution=0.1,
+        wary=np.array([[0.9, 0.9, 0.1, 0.0, 0.0], [1.2, 0.1, 0.2, 0.0, 0.0]]),
+        field=np.abs(rng.normal(size=(30, 30))) * 0.5, resolution=0.1,
     )  # fmt: skip
     z = np.zeros((n, KNOT))
     z[:, :3] = np.linspace(now.pose, now.goal, n) + rng.normal(size=(n, 3)) * [0.1, 0.1, 0.3]

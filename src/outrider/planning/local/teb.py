@@ -37,7 +37,8 @@ class TebSettings:
 
     step : m between knots at full speed, and dt : s at the most;  period : s between answers;  reach : m of path that
     is looked at;  gap : m wanted to obstacles;  spare : m below which a trajectory counts as blocked;  horizon : s for
-    which others are believed to keep their velocity;  notice : s from when somebody sets off until it brakes, and slowest : m/s that it passes him with;  capacity : knots;  ways : at most so many are compared;
+    which others are believed to keep their velocity;  notice : s from when somebody sets off until the robot brakes;
+    slowest : m/s with which it passes whoever might;  capacity : knots;  ways : at most so many are compared;
     explore : s between looking for other ways;  keep : s and share of the time by which another way must be better;
     dear : s that passing something without a gap costs in the comparison;
     xy, yaw : m and rad within which a goal is reached;
@@ -64,7 +65,8 @@ class TebSettings:
     weights: Weights = field(default_factory=Weights)
 
     def __post_init__(self) -> None:
-        for name in ("step", "dt", "period", "reach", "gap", "horizon", "notice", "slowest", "explore", "xy", "yaw", "share"):
+        positive = ("step", "dt", "period", "reach", "gap", "horizon", "notice", "slowest", "explore", "xy", "yaw")
+        for name in (*positive, "share"):
             if not 0.0 < getattr(self, name) < np.inf:
                 raise ConfigError(f"{name} of {getattr(self, name)}", where="teb", fix="a positive number")
         if self.capacity < 20 or self.ways < 1:
