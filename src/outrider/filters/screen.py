@@ -3,14 +3,17 @@
 Works on whole streams and, through `Memory`, on pieces of them with the same result.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Final, TypeAlias, final
+from math import floor, isfinite, pi, sqrt
+from typing import Final, NamedTuple, final
 
 import numpy as np
+from numpy.typing import NDArray
 
+from outrider._kernel import inlined, kernel
 from outrider.data import Fix, Kind, Stream, Verdict
-from outrider.filters.stamps import CLOCK_JUMP, lag, usable
+from outrider.filters.stamps import CLOCK_JUMP, EARLIEST, LATEST, lag, usable
 from outrider.typing import Bools, Floats, Ints
 
 # Largest magnitude per column that a working sensor of this kind can report.
@@ -35,17 +38,29 @@ LIMITS: Final = {
 FROZEN_AFTER: Final = {Kind.IMU: 0.5, Kind.MAG: 5.0, Kind.ATTITUDE: 2.0, Kind.GNSS: 2.5}
 FROZEN_RECORDS: Final = 5
 FIX_CODES: Final = np.array([f.value for f in Fix])
+_LEAST_FIX, _MOST_FIX, _NO_FIX_CODE = int(FIX_CODES.min()), int(FIX_CODES.max()), Fix.NONE.value
 STALE_AFTER: Final = 5.0  # s between a fix and its arrival, beyond the stream's usual latency
 ABSURD_VARIANCE: Final = 1e30
 STUCK_CHANGE: Final = 0.15  # rad/s: a change of the turn rate that turning wheels cannot miss
 STUCK_SMOOTH: Final = 0.5  # s over which that rate is averaged: bumps are shorter
 AHEAD: Final = 2.0  # s that a stamp may be too new by the same measure: more would make all other sources late
 
-
-Refuse: TypeAlias = Callable[[Bools | np.bool_, Verdict], None]
-
 MOVING_SPEED: Final = 0.3  # m/s
 MOVING_RATE: Final = 0.1  # rad/s
+
+_USED, _ASTRAY, _BAD_STAMP, _DUPLICATE = (
+    int(v) for v in (Verdict.USED, Verdict.ASTRAY, Verdict.BAD_STAMP, Verdict.DUPLICATE)
+)
+_NO_FIX, _UNKNOWN_FIX, _FEW_SATELLITES = (int(v) for v in (Verdict.NO_FIX, Verdict.UNKNOWN_FIX, Verdict.FEW_SATELLITES))
+_NOT_FINITE, _NULL_POSITION, _IMPLAUSIBLE = (
+    int(v) for v in (Verdict.NOT_FINITE, Verdict.NULL_POSITION, Verdict.IMPLAUSIBLE)
+)
+_STALE, _FROZEN, _BAD_COVARIANCE, _DECLARED_INVALID = (
+    int(v) for v in (Verdict.STALE, Verdict.FROZEN, Verdict.BAD_COVARIANCE, Verdict.DECLARED_INVALID)
+)
+NONE: Final = np.empty(0)
+NO_STAMPS: Final = np.empty(0, np.int64)
+NO_STRAYS: Final = np.empty(0, np.uint8)
 
 
 def motion_stamps(streams: Iterable[Stream]) -> Ints:
@@ -65,12 +80,11 @@ def motion_stamps(streams: Iterable[Stream]) -> Ints:
 @final
 @dataclass(slots=True)
 class Memory:
-    """What screening remembers of a stream between pieces."""
+    """What screening remembers of a stream between pieces. run : (3,) stamp of the last record [ns], when its value was
+    first seen, how many records have had it."""
 
     z: Floats = field(default_factory=lambda: np.zeros(0))
-    t: int = 0
-    since: int = 0  # when the present value was first seen
-    count: int = 0  # how many records have had it
+    run: Ints = field(default_factory=lambda: np.zeros(3, np.int64))
     offset: float = float("nan")  # ns, usual arrival - stamp
 
 
@@ -83,89 +97,166 @@ def screen(s: Stream, memory: Memory | None = None, motion: Ints | None = None, 
     """
     m = memory if memory is not None else Memory()
     n = len(s)
-    verdict = np.full(n, int(Verdict.USED), np.int64)
+    verdict = np.full(n, _USED, np.int64)
     if n == 0:
         return verdict
-
-    def refuse(rows: Bools | np.bool_, reason: Verdict) -> None:
-        verdict[rows & (verdict == Verdict.USED)] = int(reason)
-
-    refuse(bad_stamps(s, m), Verdict.BAD_STAMP)
-    if stray is not None:
-        refuse(stray, Verdict.ASTRAY)
-    if s.kind in (Kind.GNSS, Kind.GNSS_VELOCITY) and "fix" in s.extra:  # without a fix the fields are often blank
-        refuse(s.extra["fix"] == Fix.NONE.value, Verdict.NO_FIX)
-    refuse(~np.isfinite(s.z).any(axis=1), Verdict.NOT_FINITE)
-    if s.kind is not Kind.SCAN:  # there it means that nothing came back
-        refuse(np.isinf(s.z).any(axis=1), Verdict.NOT_FINITE)
-    if s.kind in (Kind.GNSS, Kind.GNSS_VELOCITY):
-        screen_fixes(s, m, refuse)
-    if s.kind in LIMITS:
-        limits = np.array(LIMITS[s.kind])
-        refuse((np.abs(s.z) > (limits if limits.size == s.z.shape[1] else limits[0])).any(axis=1), Verdict.IMPLAUSIBLE)
-    if s.kind in (Kind.RANGE, Kind.RANGE_BEARING):
-        refuse(s.z[:, 1] <= 0.0, Verdict.IMPLAUSIBLE)
-    if s.kind is Kind.RANGE_FINDER:
-        refuse(s.z[:, 0] <= 0.0, Verdict.IMPLAUSIBLE)
-    if s.kind in (Kind.ATTITUDE, Kind.POSE):
-        norm = np.linalg.norm(np.clip(s.z[:, -4:], -9.0, 9.0), axis=1)
-        refuse(~(np.abs(norm - 1.0) < 0.1), Verdict.IMPLAUSIBLE)
-    refuse(((s.var < 0.0) | (s.var > ABSURD_VARIANCE)).any(axis=1), Verdict.BAD_COVARIANCE)
-    if "valid" in s.extra:
-        refuse(s.extra["valid"] == 0.0, Verdict.DECLARED_INVALID)
-    repeats(s, m, refuse, motion)
+    learn_offset(s, m)
+    before = m.z if m.z.size == s.z.shape[1] else NONE
+    felt = NO_STAMPS if motion is None else motion
+    t, arrival = np.ascontiguousarray(s.t), np.ascontiguousarray(s.t_arrival)
+    examine(RULES[s.kind], t, arrival, _told(s, stray), m.offset, before, m.run, felt, motion is not None, verdict)
+    m.z = s.z[-1].copy()
     return verdict
+
+
+class Rules(NamedTuple):
+    """What a kind of record must keep to."""
+
+    place: bool  # of latitude, longitude, altitude
+    empty: bool  # infinite values mean that nothing came back
+    positive: int  # the column that is above zero, -1 for none
+    rotation: bool  # the last four columns are a quaternion
+    frozen: float  # ns that a value may repeat
+    limits: Floats  # (columns,), (1,) for all of them, or (0,) for none
+
+
+class Told(NamedTuple):
+    """What records say; arrays of size zero where they do not."""
+
+    z: Floats  # (n, m)
+    var: Floats  # (n, k)
+    fix: Floats
+    satellites: Floats
+    valid: Floats
+    stray: NDArray[np.uint8]
+
+
+def _rules(kind: Kind) -> Rules:
+    return Rules(
+        place=kind is Kind.GNSS,
+        empty=kind is Kind.SCAN,
+        positive={Kind.RANGE: 1, Kind.RANGE_BEARING: 1, Kind.RANGE_FINDER: 0}.get(kind, -1),
+        rotation=kind in (Kind.ATTITUDE, Kind.POSE),
+        frozen=FROZEN_AFTER.get(kind, np.inf) * 1e9,
+        limits=np.array(LIMITS.get(kind, ()), np.float64),
+    )
+
+
+RULES: Final[Mapping[Kind, Rules]] = {kind: _rules(kind) for kind in Kind}
+
+
+def _told(s: Stream, stray: Bools | None) -> Told:
+    def column(name: str) -> Floats:
+        return np.ascontiguousarray(s.extra[name], np.float64) if name in s.extra else NONE
+
+    receiver = s.kind in (Kind.GNSS, Kind.GNSS_VELOCITY)
+    return Told(
+        z=np.ascontiguousarray(s.z), var=np.ascontiguousarray(s.var),
+        fix=column("fix") if receiver else NONE, satellites=column("satellites") if receiver else NONE,
+        valid=column("valid"), stray=NO_STRAYS if stray is None else stray.view(np.uint8),
+    )  # fmt: skip
+
+
+@kernel
+def examine(
+    rules: Rules, t: Ints, arrival: Ints, told: Told, offset: float, before: Floats, run: Ints, motion: Ints,
+    moves: bool, verdict: Ints,
+) -> None:  # fmt: skip
+    """verdict (n,) <- the first reason against each record; run as in `Memory`, before (m,) the last one's values."""
+    n, width = told.z.shape
+    z, last, since, count = told.z, run[0], run[1], run[2]
+    for i in range(n):
+        late = float(min(max(arrival[i], -LATEST), LATEST) - min(max(t[i], -LATEST), LATEST)) - offset
+        wrong = late > CLOCK_JUMP * 1e9 or -late > AHEAD * 1e9
+        verdict[i] = _BAD_STAMP if t[i] < EARLIEST or t[i] >= LATEST or wrong else refusal(rules, told, i, late)
+        # repeats: duplicates (same stamp) and frozen values (stamps go on)
+        same = i > 0 or before.size == width
+        for j in range(width):
+            was = z[i - 1, j] if i > 0 else before[j] if same else np.inf
+            same = same and (z[i, j] == was or (np.isnan(z[i, j]) and np.isnan(was)))
+        if same:
+            count += 1
+        else:
+            since, count = t[i], 1
+        if verdict[i] == _USED and same and t[i] == last:
+            verdict[i] = _DUPLICATE
+        if verdict[i] == _USED and t[i] - since > rules.frozen and count > FROZEN_RECORDS:
+            felt = not moves or up_to(motion, t[i]) > up_to(motion, since)
+            verdict[i] = _FROZEN if felt else _USED
+        last = t[i]
+    run[0], run[1], run[2] = last, since, count
+
+
+@inlined
+def refusal(rules: Rules, told: Told, i: int, late: float) -> int:
+    """The first reason against the values of record i, `_USED` for none. late : ns, beyond the usual delay."""
+    z = told.z[i]
+    finite, infinite, beyond, absurd = False, False, False, False
+    for j in range(z.size):
+        finite = finite or np.isfinite(z[j])
+        infinite = infinite or np.isinf(z[j])
+        if rules.limits.size > 0:
+            beyond = beyond or abs(z[j]) > rules.limits[j if rules.limits.size > 1 else 0]
+    for j in range(told.var.shape[1]):
+        absurd = absurd or told.var[i, j] < 0.0 or told.var[i, j] > ABSURD_VARIANCE
+    if told.stray.size > 0 and told.stray[i]:
+        return _ASTRAY
+    if told.fix.size > 0 and told.fix[i] == _NO_FIX_CODE:  # without a fix the fields are often blank
+        return _NO_FIX
+    if not finite or (infinite and not rules.empty):
+        return _NOT_FINITE
+    if told.fix.size > 0:
+        fix = told.fix[i]
+        if fix < _LEAST_FIX or fix > _MOST_FIX or (not np.isnan(fix) and fix != floor(fix)):
+            return _UNKNOWN_FIX
+    if told.satellites.size > 0 and 0.0 <= told.satellites[i] < 4.0:
+        return _FEW_SATELLITES
+    if rules.place:
+        if np.isnan(z[0]) or np.isnan(z[1]):
+            return _NOT_FINITE
+        if abs(z[0]) < 1e-7 and abs(z[1]) < 1e-7:
+            return _NULL_POSITION
+        if abs(z[0]) > 0.5 * pi or abs(z[1]) > 2.0 * pi or abs(z[2]) > 1e5:
+            return _IMPLAUSIBLE
+        if late > STALE_AFTER * 1e9:
+            return _STALE
+    if beyond or (rules.positive >= 0 and z[rules.positive] <= 0.0):
+        return _IMPLAUSIBLE
+    if rules.rotation:
+        norm2 = 0.0
+        for j in range(z.size - 4, z.size):
+            norm2 += min(z[j] * z[j], 81.0) if z[j] == z[j] else z[j]
+        if not abs(sqrt(norm2) - 1.0) < 0.1:
+            return _IMPLAUSIBLE
+    if absurd:
+        return _BAD_COVARIANCE
+    return _DECLARED_INVALID if told.valid.size > 0 and told.valid[i] == 0.0 else _USED
+
+
+@inlined
+def up_to(sorted_: Ints, value: int) -> int:
+    """How many of them are at most a value."""
+    low, high = 0, sorted_.size
+    while low < high:
+        middle = (low + high) // 2
+        if sorted_[middle] <= value:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
+def learn_offset(s: Stream, m: Memory) -> None:
+    """The usual arrival - stamp of a stream, from its first stamps that are some."""
+    if not isfinite(m.offset) and (good := usable(s)).any():
+        m.offset = float(np.median(lag(s)[good]))
 
 
 def bad_stamps(s: Stream, m: Memory) -> Bools:
     """Stamps of zero, before zero, or too far off the usual offset from the recorder's clock."""
-    bad = ~usable(s)
-    if not bad.all():
-        late = lag(s)
-        if not np.isfinite(m.offset):
-            m.offset = float(np.median(late[~bad]))
-        bad |= (late - m.offset > CLOCK_JUMP * 1e9) | (m.offset - late > AHEAD * 1e9)
-    return bad
-
-
-def screen_fixes(s: Stream, m: Memory, refuse: Refuse) -> None:
-    """Unheard-of fix types, too few satellites, null or impossible positions, stale fixes."""
-    if "fix" in s.extra:
-        refuse(~np.isin(s.extra["fix"], FIX_CODES) & ~np.isnan(s.extra["fix"]), Verdict.UNKNOWN_FIX)
-    if "satellites" in s.extra:
-        few = s.extra["satellites"]
-        refuse((few >= 0) & (few < 4), Verdict.FEW_SATELLITES)
-    if s.kind is not Kind.GNSS:
-        return
-    lat, lon, alt = s.z.T
-    refuse(np.isnan(lat) | np.isnan(lon), Verdict.NOT_FINITE)
-    refuse((np.abs(lat) < 1e-7) & (np.abs(lon) < 1e-7), Verdict.NULL_POSITION)
-    refuse((np.abs(lat) > np.pi / 2) | (np.abs(lon) > 2 * np.pi) | (np.abs(alt) > 1e5), Verdict.IMPLAUSIBLE)
-    refuse(lag(s) - m.offset > STALE_AFTER * 1e9, Verdict.STALE)
-
-
-def repeats(s: Stream, m: Memory, refuse: Refuse, motion: Ints | None) -> None:
-    """Records that repeat the one before: duplicates (same stamp) and frozen values (stamps go on)."""
-    n = len(s)
-    has_before = m.z.size == s.z.shape[1]
-    z = np.vstack([m.z[None] if has_before else np.full((1, s.z.shape[1]), np.inf), s.z])
-    t = np.concatenate([[m.t], s.t])
-    same = ((z[1:] == z[:-1]) | (np.isnan(z[1:]) & np.isnan(z[:-1]))).all(axis=1)
-    refuse(same & (t[1:] == t[:-1]), Verdict.DUPLICATE)
-    # since[i], count[i]: first stamp and number of records of the run of equal values that record i stands in
-    start = np.flatnonzero(~same)
-    run = np.searchsorted(start, np.arange(n), side="right") - 1
-    inside = run >= 0
-    first = np.where(inside, start[np.maximum(run, 0)] if start.size else 0, 0)
-    since = np.where(inside, s.t[first], m.since if has_before else s.t[0])
-    count = np.where(inside, np.arange(n) - first, np.arange(n) + m.count) + 1
-    if s.kind in FROZEN_AFTER:
-        frozen = (s.t - since > FROZEN_AFTER[s.kind] * 1e9) & (count > FROZEN_RECORDS)
-        if motion is not None:
-            frozen &= np.searchsorted(motion, s.t, side="right") > np.searchsorted(motion, since, side="right")
-        refuse(frozen, Verdict.FROZEN)
-    m.z, m.t = s.z[-1].copy(), int(s.t[-1])
-    m.since, m.count = int(since[-1]), int(count[-1])
+    learn_offset(s, m)
+    late = lag(s) - m.offset
+    return ~usable(s) | (late > CLOCK_JUMP * 1e9) | (-late > AHEAD * 1e9)
 
 
 def turn_rate(imu: Stream) -> tuple[Ints, Floats]:

@@ -5,7 +5,7 @@ h_l = (1 / 2 pi) sum_k wrap(arg(z_k+1 - o_l) - arg(z_k - o_l)): two paths with t
 only if all h_l differ by less than a half; the differences are whole numbers.
 """
 
-from math import atan2, pi
+from math import atan2, hypot, inf, pi, sqrt
 from typing import Final
 
 import numpy as np
@@ -110,18 +110,32 @@ def _points_of(field: DistanceField, guide: Floats) -> Floats:
     low = np.floor((guide.min(axis=0) - AISLE - field.origin) / field.resolution).astype(int)
     high = np.ceil((guide.max(axis=0) + AISLE - field.origin) / field.resolution).astype(int)
     rows, cols = field.distances.shape
-    r0, c0 = max(int(low[1]), 0), max(int(low[0]), 0)
-    part = field.distances[r0 : min(int(high[1]), rows), c0 : min(int(high[0]), cols)]
-    if part.size == 0:
+    r0, c0, r1, c1 = max(int(low[1]), 0), max(int(low[0]), 0), min(int(high[1]), rows), min(int(high[0]), cols)
+    if r0 >= r1 or c0 >= c1:
         return np.empty((0, 5))
-    row, col = np.nonzero(part == 0.0)
     k = max(int(THIN / field.resolution), 1)
-    _, one = np.unique(np.stack([(row + r0) // k, (col + c0) // k]), axis=1, return_index=True)
-    out = np.zeros((len(one), 5))
-    out[:, 0] = field.origin[0] + (col[one] + c0 + 0.5) * field.resolution
-    out[:, 1] = field.origin[1] + (row[one] + r0 + 0.5) * field.resolution
+    cells = np.empty((((r1 - r0) // k + 2) * ((c1 - c0) // k + 2), 2), np.int64)
+    row, col = cells[: first_taken(field.distances, r0, r1, c0, c1, k, cells)].T
+    out = np.zeros((len(row), 5))
+    out[:, 0] = field.origin[0] + (col + 0.5) * field.resolution
+    out[:, 1] = field.origin[1] + (row + 0.5) * field.resolution
     out[:, 2] = 0.5 * field.resolution
     return out
+
+
+@kernel
+def first_taken(field: Floats, r0: int, r1: int, c0: int, c1: int, k: int, out: Ints) -> int:
+    """out (m, 2) <- row and column of the first taken cell in each square of k x k cells, as far as inside the box."""
+    m = 0
+    for top in range(r0 // k * k, r1, k):
+        for left in range(c0 // k * k, c1, k):
+            found = False
+            for r in range(max(top, r0), min(top + k, r1)):
+                for c in range(max(left, c0), min(left + k, c1)):
+                    if not found and field[r, c] == 0.0:
+                        out[m, 0], out[m, 1], found = r, c, True
+            m += found
+    return m
 
 
 def ways(guide: Floats, discs: Floats, inscribed: float, gap: float, most: int) -> list[Floats]:
@@ -131,34 +145,90 @@ def ways(guide: Floats, discs: Floats, inscribed: float, gap: float, most: int) 
     """
     labels = np.empty(len(discs), np.int64)
     join(discs, 2.0 * inscribed, labels)
-    open_, out, signatures = [(0.0, guide, 0)], list[Floats](), list[Floats]()
-    while open_ and len(out) < most:
-        open_.sort(key=lambda way: way[0])
-        _, path, depth = open_.pop(0)
+    paths = np.empty((2 ** (DEPTH + 1) - 1, len(guide) + DEPTH, 2))
+    paths[0, : len(guide)] = guide
+    open_, size, marks = np.empty(len(paths)), np.empty(len(paths), np.int64), np.empty((most, len(discs)))
+    size[0] = len(guide)
+    found = np.empty(most, np.int64)
+    n = search(paths, size, open_, discs, labels, inscribed, inscribed + gap, marks, found)
+    return [paths[k, : size[k]] for k in found[:n].tolist()]
+
+
+@kernel
+def search(
+    paths: Floats, size: Ints, open_: Floats, discs: Floats, labels: Ints, inscribed: float, reach: float,
+    marks: Floats, found: Ints,
+) -> int:  # fmt: skip
+    """found <- rows of `paths` that are free, shortest first, each of its own class; returns how many.
+
+    paths (n, k, 2), size (n) : row 0 is where the search begins;  open_ (n) : scratch, lengths of those to be looked at;
+    marks (m, discs) : scratch, windings of those found.
+    """
+    open_[0], made, n = 0.0, 1, 0
+    while n < found.size:
+        at, shortest = -1, inf
+        for k in range(made):
+            if open_[k] < shortest:
+                at, shortest = k, open_[k]
+        if at < 0:
+            break
+        open_[at] = inf
+        path = paths[at, : size[at]]
         piece, which, _ = blocked(path, discs, inscribed)
-        if which >= 0 and depth < DEPTH:
-            group = discs[labels == labels[which]]
+        if which < 0:
+            windings(path, discs, marks[n])
+            fresh = True
+            for k in range(n):
+                apart = 0.0
+                for i in range(labels.size):
+                    apart = max(apart, abs(marks[k, i] - marks[n, i]))
+                fresh = fresh and apart >= 0.5
+            if fresh:
+                found[n] = at
+                n += 1
+        elif size[at] < size[0] + DEPTH:
             for side in (1.0, -1.0):
-                corner = _corner(path[piece], path[piece + 1], group, side, inscribed + gap)
-                if corner is not None:
-                    around = np.insert(path, piece + 1, corner, axis=0)
-                    open_.append((float(np.hypot(*np.diff(around, axis=0).T).sum()), around, depth + 1))
-        elif which < 0:
-            mark = signature(path, discs)
-            if not any(same(mark, other) for other in signatures):
-                out.append(path)
-                signatures.append(mark)
-    return out
+                there, x, y = corner(path, piece, discs, labels, labels[which], side, reach)
+                if there:
+                    open_[made] = around(path, piece, x, y, paths[made])
+                    size[made] = size[at] + 1
+                    made += 1
+    return n
 
 
-def _corner(a: Floats, b: Floats, group: Floats, side: float, reach: float) -> Floats | None:
-    """(2,) beside the disc of a group that stands out furthest to one side of the line from a to b."""
-    e = b - a
-    length = float(np.hypot(*e))
+@kernel
+def corner(
+    path: Floats, piece: int, discs: Floats, labels: Ints, label: int, side: float, reach: float
+) -> tuple[bool, float, float]:
+    """Beside the disc of a group that stands out furthest to one side of a piece of a path; whether that is a place of
+    its own."""
+    ax, ay = path[piece, 0], path[piece, 1]
+    ex, ey = path[piece + 1, 0] - ax, path[piece + 1, 1] - ay
+    length = sqrt(ex * ex + ey * ey)
     if length < 1e-6:
-        return None
-    n = side * np.array([-e[1], e[0]]) / length
-    out = (group[:, :2] - a) @ n + group[:, 2]
-    k = int(np.argmax(out))
-    corner = group[k, :2] + n * (group[k, 2] + reach)
-    return corner if np.hypot(*(corner - a)) > 1e-3 and np.hypot(*(corner - b)) > 1e-3 else None
+        return False, 0.0, 0.0
+    nx, ny, furthest, x, y = -side * ey / length, side * ex / length, -inf, 0.0, 0.0
+    for k in range(labels.size):
+        if labels[k] == label:
+            out = (discs[k, 0] - ax) * nx + (discs[k, 1] - ay) * ny + discs[k, 2]
+            if out > furthest:
+                furthest, far = out, discs[k, 2] + reach
+                x, y = discs[k, 0] + nx * far, discs[k, 1] + ny * far
+    apart = min(hypot(x - ax, y - ay), hypot(x - ax - ex, y - ay - ey))
+    return apart > 1e-3, x, y
+
+
+@kernel
+def around(path: Floats, piece: int, x: float, y: float, out: Floats) -> float:
+    """out <- the path with a corner after the first point of one of its pieces; its length."""
+    length, n = 0.0, path.shape[0]
+    for k in range(n + 1):
+        if k <= piece:
+            out[k, 0], out[k, 1] = path[k, 0], path[k, 1]
+        elif k == piece + 1:
+            out[k, 0], out[k, 1] = x, y
+        else:
+            out[k, 0], out[k, 1] = path[k - 1, 0], path[k - 1, 1]
+        if k > 0:
+            length += hypot(out[k, 0] - out[k - 1, 0], out[k, 1] - out[k - 1, 1])
+    return length
