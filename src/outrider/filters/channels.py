@@ -9,6 +9,7 @@ from typing import Final, final
 
 import numpy as np
 
+from outrider._kernel import kernel
 from outrider.core.geodesy import geodetic_to_enu
 from outrider.data import Datum, Fix, Kind, Stream, Verdict
 from outrider.filters.step import INPUT_SENSOR, ROWS
@@ -16,6 +17,7 @@ from outrider.models.sensors import SPECS, Sensor
 from outrider.models.sensors.layout import OWN, THETA_SIZE
 from outrider.typing import Bools, Floats, Ints
 
+_USED, _WITHHELD, _NOT_FINITE = int(Verdict.USED), int(Verdict.WITHHELD), int(Verdict.NOT_FINITE)
 STRAIGHT_THETA: Final = np.concatenate([np.zeros(3), np.eye(3).ravel(), np.zeros(THETA_SIZE - OWN)])
 
 
@@ -79,35 +81,58 @@ class Records:
 
 def records(channel: Channel, stream: Stream, verdict: Ints, datum: Datum | None) -> Records:
     """The stream's records as the channel's measurements; `verdict` is what screening said of each."""
-    keep = np.ones(len(stream), np.bool_)
-    if channel.fixes and "fix" in stream.extra:
-        keep &= np.isin(stream.extra["fix"], np.array(sorted(channel.fixes)))
-    if channel.beacon is not None:
-        keep &= stream.z[:, 0] == channel.beacon
-    if channel.still:
-        keep &= standstill(stream)
-    row = np.flatnonzero(keep).astype(np.int64)
-    part = stream.select(row)
+    row = _taken(channel, stream)
+    whole = row.size == len(stream)
+    part = stream if whole else stream.select(row)
     z, stated = measurement(channel, part, datum)
-    flag = verdict[row].copy()
-    width = channel.sigma.size
-    var = np.full((row.size, ROWS), np.inf)
-    var[:, :width] = np.where(np.isfinite(stated) & (stated > 0.0), stated, channel.sigma**2)
-    if not channel.trust_stated:
-        var[:, :width] = channel.sigma**2
-    var[:, :width] = np.maximum(var[:, :width], channel.floor**2) * channel.scale**2
-    var[:, :width][:, ~channel.rows] = np.inf
-    out = np.zeros((row.size, ROWS))
-    out[:, : z.shape[1]] = z[:, :ROWS]  # an estimate holds a velocity as well
-    used = np.flatnonzero(channel.rows)
-    if channel.sensor is not None and _row_is_column(channel):
-        bad = ~np.isfinite(out[:, used]).any(axis=1)
-    else:
-        bad = ~np.isfinite(z).all(axis=1)
-    flag[bad & (flag == Verdict.USED)] = Verdict.NOT_FINITE
-    if channel.scored:
-        flag[flag == Verdict.USED] = Verdict.WITHHELD
+    flag = verdict.copy() if whole else verdict[row]
+    out, var = np.empty((row.size, ROWS)), np.empty((row.size, ROWS))
+    by_row = channel.sensor is not None and _row_is_column(channel)
+    limits = np.stack([channel.sigma, channel.floor, channel.rows]) ** 2
+    trust, scale2 = channel.trust_stated, channel.scale**2
+    fill(np.ascontiguousarray(z), stated, limits, scale2, trust, by_row, channel.scored, out, var, flag)
     return Records(part.t, part.t_arrival, out, var, flag, row)
+
+
+def _taken(channel: Channel, stream: Stream) -> Ints:
+    """Rows of the stream that are the channel's."""
+    row = np.arange(len(stream), dtype=np.int64)
+    if channel.fixes and "fix" in stream.extra:
+        row = row[np.isin(stream.extra["fix"], np.array(sorted(channel.fixes)))]
+    if channel.beacon is not None:
+        row = row[stream.z[row, 0] == channel.beacon]
+    if channel.still:
+        row = row[standstill(stream)[row]]
+    return row
+
+
+@kernel
+def fill(
+    z: Floats, stated: Floats, limits: Floats, scale2: float, trust: bool, by_row: bool, scored: bool, out: Floats,
+    var: Floats, flag: Ints,
+) -> None:  # fmt: skip
+    """out, var (n, ROWS) <- the records z (n, k) and their variances, and what is wrong with them to flag (n,).
+
+    stated (n, m) : variances as the records claim;  limits (3, m) : the variance where they claim none, the least one
+    believed, 1 for a row that is used;  by_row : row i of the innovation reads column i of z only.
+    """
+    n, m = stated.shape
+    for i in range(n):
+        some, all_ = False, True
+        for j in range(z.shape[1]):
+            all_ = all_ and np.isfinite(z[i, j])
+        for j in range(ROWS):
+            out[i, j] = z[i, j] if j < z.shape[1] else 0.0  # an estimate holds a velocity as well
+            var[i, j] = np.inf
+            if j < m and limits[2, j] > 0.0:
+                claim = stated[i, j]
+                v = claim if trust and np.isfinite(claim) and claim > 0.0 else limits[0, j]
+                var[i, j] = (limits[1, j] if v < limits[1, j] else v) * scale2
+                some = some or np.isfinite(out[i, j])
+        if flag[i] == _USED and not (some if by_row else all_):
+            flag[i] = _NOT_FINITE
+        if flag[i] == _USED and scored:
+            flag[i] = _WITHHELD
 
 
 def _row_is_column(channel: Channel) -> bool:

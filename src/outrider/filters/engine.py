@@ -11,6 +11,7 @@ ahead for the second one; the online driver holds the first until the second is 
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import isfinite
 from typing import Final, NamedTuple, final
 
 import numpy as np
@@ -43,6 +44,7 @@ from outrider.typing import Floats, Ints
 
 PIECE: Final = 65_536  # events per call of the compiled loop
 POSE_SIZE: Final = 9  # position, velocity, attitude rows of the pose covariance
+NOTHING: Final = np.empty(0)  # an outcome before it is there
 _LATE, _WITHHELD = int(Verdict.LATE), int(Verdict.WITHHELD)
 
 # Limits that every process model shares, see `Model.limits`.
@@ -218,6 +220,33 @@ def run_batch(
     return s
 
 
+@kernel
+def replay(
+    model: Model, sources: Sources, s: State, ev: Events, drives: Ints, known: bool, ws: Scratch, after: State,
+    out: Floats,
+) -> None:  # fmt: skip
+    """Process events, with the state after each of them to the rows of `after` and its outcome to those of `out`.
+
+    drives (n,) : records of the input that will be used; `known`: whether there is an input at all, of which the next
+    record is announced to all others.
+    """
+    n = ev.t.size
+    for i in range(n):
+        if known and sources.code[ev.src[i]] != INPUT_SENSOR:
+            ahead = i + 1
+            while ahead < n and drives[ahead] == 0:
+                ahead += 1
+            announce(s, ev.t[ahead] if ahead < n else -np.inf, ev.z[min(ahead, n - 1)])
+        step(model, sources, s, ev.t[i], ev.src[i], ev.z[i], ev.r[i], ev.flag[i], ws, out[i])
+        copy(s.x, after.x[i])
+        copy(s.P, after.P[i])
+        copy(s.u, after.u[i])
+        copy(s.fed, after.fed[i])
+        copy(s.clock, after.clock[i])
+        copy(s.health, after.health[i])
+        copy(s.age, after.age[i])
+
+
 @final
 @dataclass(slots=True)
 class _Past:
@@ -241,7 +270,8 @@ def _row(values: Floats, filler: float) -> Floats:
 
 @final
 class OnlineFilter:
-    """The filter for live data: events one at a time, late ones put in their place while their history is kept.
+    """The filter for live data: events in any order of arrival, late ones put in their place while their history is
+    kept.
 
     What lies between two records of the input is replayed when the second arrives: outcomes handed out before are those
     of the first one held.
@@ -265,25 +295,45 @@ class OnlineFilter:
         t : s;  src : channel;  z, r : record and variances, at most ROWS numbers each;  order : the record's number
         within its stream, which breaks ties between equal stamps.
         """
-        if not np.isfinite(t):
+        event = self._event((t, src, order), _row(z, 0.0), _row(r, np.inf), flag)
+        self._take([event])
+        return event.out
+
+    def take(self, t: Floats, src: int, z: Floats, r: Floats, flag: Ints, order: int = 0) -> None:
+        """Process the records (n, ROWS) of one channel, numbered from `order` on: the same as `process` on each, with
+        one pass over what has to be replayed."""
+        columns = zip(t.tolist(), z.copy(), r.copy(), flag.tolist(), strict=True)
+        self._take([self._event((at, src, order + i), *rest) for i, (at, *rest) in enumerate(columns)])
+
+    def _event(self, key: tuple[float, int, int], z: Floats, r: Floats, flag: int) -> _Past:
+        """An event that has arrived: whether it is too late, and whether it drives the prediction."""
+        t, src, _ = key
+        if not isfinite(t):
             flag = int(Verdict.BAD_STAMP)
         if flag <= _WITHHELD:
             if t < self._newest - self.filter.history:
                 self.late += 1
                 flag = _LATE
             self._newest = max(self._newest, t)
-        z = _row(z, 0.0)
         drives = src in self._inputs and flag <= _WITHHELD and bool(plausible(z))
-        event = _Past((t, src, order), z, _row(r, np.inf), flag, self.state, np.zeros(OUT_SIZE), drives)
-        if flag > _WITHHELD:
-            self._apply(event)
-            return event.out
-        at = bisect_right(self._past, event.key, key=lambda p: p.key)
-        self.rewinds += at < len(self._past)
-        self._past.insert(at, event)
-        self._replay(self._since_input(at, t) if drives else at)
+        return _Past(key, z, r, flag, self.state, NOTHING, drives)
+
+    def _take(self, events: list[_Past]) -> None:
+        """Put events in their places, then process what is new and what comes after it."""
+        first, known = len(self._past), len(self._past)
+        for event in events:
+            if event.flag > _WITHHELD:
+                self._run([event])
+                continue
+            at = bisect_right(self._past, event.key, key=lambda p: p.key)
+            self.rewinds += at < len(self._past)
+            self._past.insert(at, event)
+            first = min(first, self._since_input(at, event.key[0]) if event.drives else at)
+        if first < known:
+            one.restore(self.state, self._past[first - 1].after if first else self._base)
+        if first < len(self._past):
+            self._run(self._past[first:])
         self._forget()
-        return event.out
 
     def _since_input(self, at: int, t: float) -> int:
         """Index of the first event before `at` that a record of the input at time t casts a new light on."""
@@ -297,19 +347,19 @@ class OnlineFilter:
             first = i
         return first
 
-    def _replay(self, first: int) -> None:
-        """Process the past from an index on, each event with the next record of the input announced."""
-        if first < len(self._past) - 1:
-            one.restore(self.state, self._past[first - 1].after if first else self._base)
-        again, coming = self._past[first:], None
-        ahead: list[_Past | None] = []
-        for p in reversed(again):
-            ahead.append(coming)
-            coming = p if p.drives else coming
-        for p, following in zip(again, reversed(ahead), strict=True):
-            if self._inputs and p.key[1] not in self._inputs:
-                announce(self.state, *((following.key[0], following.z) if following else (-np.inf, p.z)))
-            self._apply(p)
+    def _run(self, events: list[_Past]) -> None:
+        """Process events, each with the next record of the input announced, and remember the state after each."""
+        n = len(events)
+        times, sources, _ = zip(*(p.key for p in events), strict=True)
+        ev = Events(
+            np.array(times), np.array(sources), np.array([p.z for p in events]), np.array([p.r for p in events]),
+            np.array([p.flag for p in events]),
+        )  # fmt: skip
+        drives = np.array([p.drives for p in events], np.int64)
+        after, out = State(*(np.empty((n, *a.shape)) for a in self.state)), np.empty((n, OUT_SIZE))
+        replay(self._model, self._sources, self.state, ev, drives, bool(self._inputs), self._ws, after, out)
+        for i, p in enumerate(events):
+            p.after, p.out = State(*(a[i] for a in after)), out[i]
 
     def correct(self, y: Floats, H: Floats, R: Floats) -> float:
         """Fuse a measurement of the user's own making now; returns its NIS. Not replayed when the past changes."""
@@ -329,10 +379,6 @@ class OnlineFilter:
     def time(self) -> float:
         """Time of the estimate [s]."""
         return float(self.state.clock[C_NOW])
-
-    def _apply(self, p: _Past) -> None:
-        step(self._model, self._sources, self.state, *p.key[:2], p.z, p.r, p.flag, self._ws, p.out)
-        p.after = one.snapshot(self.state)
 
     def _forget(self) -> None:
         horizon = self._newest - self.filter.history

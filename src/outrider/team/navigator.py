@@ -6,7 +6,7 @@ from typing import final
 
 import numpy as np
 
-from outrider.core.rotations import matrices_to_quats
+from outrider.core.rotations import quat_from_matrix
 from outrider.data import Datum, Gaussian, Kind, Stream, stream
 from outrider.filters.channels import records
 from outrider.filters.engine import Filter, OnlineFilter
@@ -63,11 +63,8 @@ class Navigator:
                 if channel.stream != s.name:
                     continue
                 made = records(channel, s, verdict, self._datum)
-                seconds = (made.t - self._start) * 1e-9
-                for i in range(seconds.size):
-                    self._order[code] += 1
-                    flag = int(made.flag[i])
-                    self._online.process(seconds[i], code, made.z[i], made.r[i], flag=flag, order=self._order[code])
+                self._online.take((made.t - self._start) * 1e-9, code, made.z, made.r, made.flag, self._order[code] + 1)
+                self._order[code] += made.t.size
 
     @property
     def newest(self) -> int:
@@ -81,12 +78,13 @@ class Navigator:
         kinematic_view(int(self._filter.motion), belief.x, self._online.state.u, self._filter.theta, k, K)
         ahead = min(max((t - self._start) * 1e-9 - self._online.time, 0.0), 1.0)
         R, v, w = k[K_R : K_R + 9].reshape(3, 3), k[K_V : K_V + 3], float(k[K_W + 2])
-        rows = K[T_P : T_P + 3]
+        rows, q = K[T_P : T_P + 3], np.empty(4)
+        quat_from_matrix(R, q)
         return Fused(
             t=t,
             p=k[K_P : K_P + 3] + v * ahead,
             v=v.copy(),
-            q=matrices_to_quats(R[None])[0],
+            q=q,
             heading=float(np.arctan2(R[1, 0], R[0, 0])) + w * ahead,
             w=w,
             P=rows @ belief.P @ rows.T,
