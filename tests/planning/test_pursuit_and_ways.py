@@ -11,13 +11,23 @@ from shapely import Polygon
 
 from outrider.data.driving import LocalOutcome
 from outrider.data.footprint import Footprint
-from outrider.data.surroundings import Surroundings
+from outrider.data.surroundings import DistanceField, Surroundings
 from outrider.planning.local.bands import along, resumed
 from outrider.planning.local.cover import cover
 from outrider.planning.local.dubins import dubins
 from outrider.planning.local.guide import cut, near, remaining
 from outrider.planning.local.pursuit import Pursuit
-from outrider.planning.local.ways import join, same, signature, ways
+from outrider.planning.local.ways import (
+    AISLE,
+    DEPTH,
+    THIN,
+    blocked,
+    join,
+    obstacles_near,
+    same,
+    signature,
+    ways,
+)
 
 ELL = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 3.0]])
 
@@ -83,6 +93,64 @@ def test_both_sides_of_a_post_and_all_sides_of_two() -> None:
     lengths = [np.hypot(*np.diff(way, axis=0).T).sum() for way in found]
     assert lengths == sorted(lengths)
     assert len(ways(straight, post[:0], 0.3, 0.1, 4)) == 1
+
+
+def plain_ways(guide, discs, inscribed: float, gap: float, most: int) -> list[np.ndarray]:
+    """The search in words of a list: the shortest polyline first, around what blocks it on both sides."""
+    labels = np.empty(len(discs), np.int64)
+    join(discs, 2.0 * inscribed, labels)
+    open_, out = [(0.0, guide, 0)], []
+    while open_ and len(out) < most:
+        open_.sort(key=lambda way: way[0])
+        _, path, depth = open_.pop(0)
+        piece, which, _ = blocked(path, discs, inscribed)
+        if which < 0 and not any(same(signature(path, discs), signature(other, discs)) for other in out):
+            out.append(path)
+        for side in (1.0, -1.0) if which >= 0 and depth < DEPTH else ():
+            group, a, b = discs[labels == labels[which]], path[piece], path[piece + 1]
+            n = side * np.array([a[1] - b[1], b[0] - a[0]]) / max(np.hypot(*(b - a)), 1e-6)
+            k = int(np.argmax((group[:, :2] - a) @ n + group[:, 2]))
+            corner = group[k, :2] + n * (group[k, 2] + inscribed + gap)
+            if min(np.hypot(*(corner - a)), np.hypot(*(corner - b))) > 1e-3:
+                around = np.insert(path, piece + 1, corner, axis=0)
+                open_.append((np.hypot(*np.diff(around, axis=0).T).sum(), around, depth + 1))
+    return out
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_the_ways_of_a_plain_search(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    discs = np.zeros((rng.integers(0, 14), 5))
+    discs[:, :2], discs[:, 2] = (
+        rng.uniform((0.5, -1.5), (5.5, 1.5), (len(discs), 2)),
+        rng.uniform(0.05, 0.3, len(discs)),
+    )
+    guide = np.array([[0.0, 0.0], [2.0, rng.uniform(-0.5, 0.5)], [6.0, 0.0]])
+    mine, plain = (search(guide, discs, 0.3, 0.15, 4) for search in (ways, plain_ways))
+    assert len(mine) == len(plain)
+    for a, b in zip(mine, plain, strict=True):
+        np.testing.assert_allclose(a, b, atol=1e-9)
+
+
+def test_one_point_stands_for_every_square_of_the_map(rng: np.random.Generator) -> None:
+    taken = rng.random((90, 110)) < 0.1
+    field = DistanceField(distances=np.where(taken, 0.0, 1.0), resolution=0.1, origin=np.array([-3.0, -2.0]))
+    guide = np.array([[1.0, 1.0], [2.0, 1.5]])
+    inside = np.zeros_like(taken)
+    low, high = guide.min(axis=0) - AISLE, guide.max(axis=0) + AISLE
+    (c0, r0), (c1, r1) = (
+        cells.astype(int) for cells in (np.floor((low - field.origin) / 0.1), np.ceil((high - field.origin) / 0.1))
+    )
+    inside[max(r0, 0) : r1, max(c0, 0) : c1] = True
+    row, col = np.nonzero(taken & inside)
+    k = int(THIN / 0.1)
+    _, first = np.unique(np.stack([row // k, col // k]), axis=1, return_index=True)
+    expected = np.column_stack([-3.0 + 0.1 * (col[first] + 0.5), -2.0 + 0.1 * (row[first] + 0.5)])
+    near = ((expected >= low) & (expected <= high)).all(axis=1)
+    expected = expected[near]
+    middle = np.hypot(*(expected - guide.mean(axis=0)).T)
+    expected = expected[np.sort(np.argsort(middle, kind="stable")[:120])]
+    np.testing.assert_allclose(obstacles_near(guide, np.empty((0, 5)), field, 1.0)[:, :2], expected)
 
 
 @given(goal=st.tuples(st.floats(-5.0, 5.0), st.floats(-5.0, 5.0), st.floats(-3.0, 3.0)))

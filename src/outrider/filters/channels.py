@@ -88,7 +88,9 @@ def records(channel: Channel, stream: Stream, verdict: Ints, datum: Datum | None
     flag = verdict.copy() if whole else verdict[row]
     out, var = np.empty((row.size, ROWS)), np.empty((row.size, ROWS))
     by_row = channel.sensor is not None and _row_is_column(channel)
-    limits = np.stack([channel.sigma, channel.floor, channel.rows]) ** 2
+    limits: Floats = np.square(
+        np.stack([channel.sigma, channel.floor, channel.rows.astype(np.float64)]), dtype=np.float64
+    )
     trust, scale2 = channel.trust_stated, channel.scale**2
     fill(np.ascontiguousarray(z), stated, limits, scale2, trust, by_row, channel.scored, out, var, flag)
     return Records(part.t, part.t_arrival, out, var, flag, row)

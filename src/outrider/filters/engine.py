@@ -250,15 +250,21 @@ def replay(
 @final
 @dataclass(slots=True)
 class _Past:
-    """One processed event and the state after it."""
+    """One processed event and the state after it: row `at` of the states `after` those processed with it."""
 
     key: tuple[float, int, int]
     z: Floats
     r: Floats
     flag: int
+    drives: bool  # a record of the input that will be used
     after: State
     out: Floats
-    drives: bool  # a record of the input that will be used
+    at: int = 0
+
+    @property
+    def state(self) -> State:
+        """A view of it."""
+        return State(*(a[self.at] for a in self.after))
 
 
 def _row(values: Floats, filler: float) -> Floats:
@@ -316,7 +322,7 @@ class OnlineFilter:
                 flag = _LATE
             self._newest = max(self._newest, t)
         drives = src in self._inputs and flag <= _WITHHELD and bool(plausible(z))
-        return _Past(key, z, r, flag, self.state, NOTHING, drives)
+        return _Past(key, z, r, flag, drives, self.state, NOTHING)
 
     def _take(self, events: list[_Past]) -> None:
         """Put events in their places, then process what is new and what comes after it."""
@@ -330,7 +336,7 @@ class OnlineFilter:
             self._past.insert(at, event)
             first = min(first, self._since_input(at, event.key[0]) if event.drives else at)
         if first < known:
-            one.restore(self.state, self._past[first - 1].after if first else self._base)
+            one.restore(self.state, self._past[first - 1].state if first else self._base)
         if first < len(self._past):
             self._run(self._past[first:])
         self._forget()
@@ -359,7 +365,7 @@ class OnlineFilter:
         after, out = State(*(np.empty((n, *a.shape)) for a in self.state)), np.empty((n, OUT_SIZE))
         replay(self._model, self._sources, self.state, ev, drives, bool(self._inputs), self._ws, after, out)
         for i, p in enumerate(events):
-            p.after, p.out = State(*(a[i] for a in after)), out[i]
+            p.after, p.at, p.out = after, i, out[i]
 
     def correct(self, y: Floats, H: Floats, R: Floats) -> float:
         """Fuse a measurement of the user's own making now; returns its NIS. Not replayed when the past changes."""
@@ -386,7 +392,7 @@ class OnlineFilter:
         if self._inputs:  # what a record of the input at the horizon would need
             drop = self._since_input(drop, horizon)
         if drop:
-            self._base = self._past[drop - 1].after
+            self._base = self._past[drop - 1].state
             del self._past[:drop]
 
 

@@ -63,7 +63,8 @@ class Navigator:
                 if channel.stream != s.name:
                     continue
                 made = records(channel, s, verdict, self._datum)
-                self._online.take((made.t - self._start) * 1e-9, code, made.z, made.r, made.flag, self._order[code] + 1)
+                seconds = np.asarray((made.t - self._start) * 1e-9, np.float64)
+                self._online.take(seconds, code, made.z, made.r, made.flag, self._order[code] + 1)
                 self._order[code] += made.t.size
 
     @property

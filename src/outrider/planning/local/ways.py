@@ -161,7 +161,7 @@ def search(
 ) -> int:  # fmt: skip
     """found <- rows of `paths` that are free, shortest first, each of its own class; returns how many.
 
-    paths (n, k, 2), size (n) : row 0 is where the search begins;  open_ (n) : scratch, lengths of those to be looked at;
+    paths (n, k, 2), size (n) : row 0 is where the search begins;  open_ (n) : scratch, lengths of those to look at;
     marks (m, discs) : scratch, windings of those found.
     """
     open_[0], made, n = 0.0, 1, 0
