@@ -54,7 +54,7 @@ ALERTS = (
     {"id": 3, "at": [15, 0], "t_s": 2, "sigma": 0.5, "source": "gate"},
     {"id": 4, "at": [15.2, 0], "t_s": 3},
     {"cancel": 3, "t_s": 12},
-    {"id": 5, "at": [14, 1], "t_s": 13, "patience_s": 3},
+    {"id": 5, "at": [14, 1], "t_s": 13, "patience_s": 1},
     {"lat_deg": 13.35, "lon_deg": 52.514},
 )
 

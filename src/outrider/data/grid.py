@@ -70,15 +70,20 @@ class Costmap:
     255 `UNKNOWN`, as nav2_costmap_2d has them.
 
     cells : (rows, cols) uint8, row 0 south, column 0 west;  resolution : side of a cell [m];
-    origin : (2,) m, site frame, the outer (south-western) corner of cell [0, 0].
+    origin : (2,) m, site frame, the outer (south-western) corner of cell [0, 0];  ways : (rows, cols) uint8, bit d is
+    set where a cell may be left for its neighbour at 45 deg d, counter-clockwise from the east; None: every way.
     """
 
     cells: NDArray[np.uint8]
     resolution: float
     origin: Floats
+    ways: NDArray[np.uint8] | None = None
 
     def __post_init__(self) -> None:
         _require_cells(self.cells, self.resolution, self.origin, "costmap")
+        if self.ways is not None and (self.ways.shape, self.ways.dtype) != (self.cells.shape, self.cells.dtype):
+            what = f"ways of {self.ways.dtype} {self.ways.shape} for cells {self.cells.shape}"
+            raise DataError(what, where="costmap", fix="a uint8 for every cell")
 
     def cell_of(self, p: Floats) -> Ints:
         """(..., 2) row and column of points (..., 2) [m], also beyond the map's edges."""

@@ -61,14 +61,16 @@ class Path:
     """Where to go, or why not.
 
     points : (n, 2) m, site frame, from the start to the goal; empty unless `outcome` is FOUND;  length [m];
-    cost : what was minimised, in metres of free ground;  suggestion : (2,) m, the nearest place that would have
-    worked, where there is one;  expanded : cells or nodes looked at;  seconds : of computing.
+    cost : what was minimised, in metres of free ground;  nodes : of the roads that it takes, if any;
+    suggestion : (2,) m, the nearest place that would have worked, where there is one;  expanded : cells or nodes looked
+    at;  seconds : of computing.
     """
 
     outcome: PathOutcome
     points: Floats = field(default_factory=lambda: np.empty((0, 2)))
     length: float = 0.0
     cost: float = 0.0
+    nodes: tuple[int, ...] = ()
     suggestion: Floats | None = None
     expanded: int = 0
     seconds: float = 0.0

@@ -56,6 +56,8 @@ class LayeredCostmap:
     the robot that moves with it, None for the whole ground;  unknown : what unknown ground is.
     zones : the cells that may not be entered, on the grid of `ground` (`zones.keep_out`); with `zones_needed` the whole
     map is taken as long as there are none: a robot that does not know its limits stands still.
+    least : (rows, cols) what cells cost at least, and ways : in which they may be left (see `Costmap`), of the whole
+    ground only.
 
     Layers are joined by their maximum, in this order: drawn map, obstacles, other robots, zones; then inflated. What
     is drawn is never cleared by a scan; what is unknown is known once it was seen. Only what changed is computed, and
@@ -74,10 +76,16 @@ class LayeredCostmap:
         scale: bool = False,
         keep_out: Cells | None = None,
         zones_needed: bool = False,
+        least: Cells | None = None,
+        ways: Cells | None = None,
     ) -> None:
         self._ground, self._marking, self._footprint = ground, marking or Marking(), footprint
         self._drawn, self._beyond = static_costs(ground, unknown, scale=scale), _COST_OF_UNKNOWN[unknown]
-        self._rolling = window is not None
+        self._rolling, self._ways = window is not None, ways
+        if self._rolling and (least is not None or ways is not None):
+            raise ConfigError("a moving window with graded ground", where="costmap", fix="leave out window")
+        if least is not None:
+            np.maximum(self._drawn, least, out=self._drawn)
         self._margin = inflation.reach(ground.resolution) if self._rolling else 0
         self._shape = _shape(ground, window, self._margin)
         self._inflater = Inflater(inflation, ground.resolution, self._shape)
@@ -112,7 +120,8 @@ class LayeredCostmap:
         m = self._margin
         rows, cols = self._shape
         cells = self._out[m : rows - m, m : cols - m].copy() if self._rolling else self._out
-        return Costmap(cells=cells, resolution=self.resolution, origin=self.origin + m * self.resolution)
+        origin = self.origin + m * self.resolution
+        return Costmap(cells=cells, resolution=self.resolution, origin=origin, ways=self._ways)
 
     def update(self, scans: Sequence[Scan] = (), *, pose: Floats | None = None, others: Iterable[Other] = ()) -> None:
         """Enter scans, in the order of their time, where the robot is (pose (3,)), and where the others are now.

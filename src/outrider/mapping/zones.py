@@ -2,15 +2,20 @@
 
 from dataclasses import dataclass
 from math import cos, inf
-from typing import final
+from typing import Final, final
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from outrider.core.flat import inside_polygon
 from outrider.data.grid import LETHAL, Grid
 from outrider.data.site import Shape
-from outrider.typing import Floats
+from outrider.typing import Bools, Floats
+
+_HAIR: Final = 1e-9  # a right angle is not against
+_DEAREST: Final = 252  # of the cells that may be crossed
+_STEPS: Final = ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1))  # rows, columns
 
 
 @final
@@ -35,7 +40,11 @@ class Zones:
 
     def speed_at(self, p: Floats) -> float:
         """m/s allowed at (2,) m: the lowest of all zones there, inf where there is none, 0 where nobody may go."""
-        return 0.0 if self.barred(p) else min((s.speed for s in self.speed if _holds(s, p)), default=inf)
+        return 0.0 if self.barred(p) else self.speed_limit(p)
+
+    def speed_limit(self, p: Floats) -> float:
+        """m/s that speed zones allow at (2,) m, inf where there is none."""
+        return min((s.speed for s in self.speed if _holds(s, p)), default=inf)
 
     def slowest(self, points: Floats) -> float:
         """m/s allowed on the whole of a way (n, 2) m. Given the way that a robot needs to stop, it is slow in time."""
@@ -43,7 +52,47 @@ class Zones:
 
     def against(self, p: Floats, heading: float) -> Shape | None:
         """The one-way zone at (2,) m that moving along `heading` [rad] goes against (by more than a right angle)."""
-        return next((s for s in self.one_way if _holds(s, p) and cos(heading - s.heading) < 0.0), None)
+        return next((s for s in self.one_way if _holds(s, p) and cos(heading - s.heading) < -_HAIR), None)
+
+    @property
+    def ways(self) -> NDArray[np.uint8] | None:
+        """(rows, cols) bits of the directions in which cells may be left (see `Costmap`), None where all may.
+
+        A step is barred that begins or ends in a one-way zone and goes against it.
+        """
+        if not self.one_way:
+            return None
+        out = np.full(self.keep_out.shape, 255, np.uint8)
+        for shape in self.one_way:
+            within = self._within(shape)
+            padded = np.pad(within, 1)
+            for d in np.flatnonzero(np.cos(0.25 * np.pi * np.arange(8) - shape.heading) < -_HAIR).tolist():
+                row, col = _STEPS[d]
+                ends = padded[1 + row : 1 + row + len(within), 1 + col : 1 + col + within.shape[1]]
+                out[within | ends] &= np.uint8(255 - (1 << d))
+        return out
+
+    def least_costs(self, speed: float, weight: float) -> NDArray[np.uint8] | None:
+        """(rows, cols) what cells cost a robot of `speed` [m/s] so that a metre in a speed zone costs as many metres of
+        free ground as could be driven meanwhile; None where no zone slows it.
+
+        weight : of the planner's `Traversal`, of which the dearest cell costs 1 + weight.
+        """
+        slow = [s for s in self.speed if s.speed < speed]
+        if not slow or weight <= 0.0:
+            return None
+        out = np.zeros(self.keep_out.shape, np.uint8)
+        for shape in slow:
+            cost = min((speed / shape.speed - 1.0) * _DEAREST / weight, _DEAREST)
+            within = self._within(shape)
+            out[within] = np.maximum(out[within], np.uint8(round(cost)))
+        return out
+
+    def _within(self, shape: Shape) -> Bools:
+        """(rows, cols) whether the middle of a cell is in a shape."""
+        rows, cols = self.keep_out.shape
+        x, y = (self.on.origin[k] + (np.arange(n) + 0.5) * self.on.resolution for k, n in enumerate((cols, rows)))
+        return shapely.contains_xy(shapely.Polygon(shape.points, [*shape.holes]), *np.meshgrid(x, y))
 
 
 def _holds(shape: Shape, p: Floats) -> bool:

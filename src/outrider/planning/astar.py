@@ -63,7 +63,7 @@ class AStar:
         return Path(outcome=outcome, points=points, length=length, cost=cost, expanded=expanded, seconds=seconds)
 
     def _jumps(self, costmap: Costmap) -> bool:
-        if self.jumps is False or not self.heuristic or not _plain(costmap, self.traversal):
+        if self.jumps is False or not self.heuristic or costmap.ways is not None or not _plain(costmap, self.traversal):
             return False
         taken = costmap.cells[::16] >= INSCRIBED
         edges = int(np.count_nonzero(taken[:, 1:] != taken[:, :-1]))
@@ -79,7 +79,7 @@ class AStar:
     def _search(self, costmap: Costmap, ends: Ends, until: float) -> PathOutcome:
         """Over every cell, whatever it costs."""
         space, (straights, diagonals) = self.workspace, self.traversal.halves()
-        space.load(costmap.cells)
+        space.load(costmap.cells, costmap.ways)
         straight, slant = (UNIT, SLANT - UNIT) if self.heuristic else (0, 0)
         (row, col), (goal_row, goal_col) = ((r + 1, c + 1) for r, c in (ends.start, ends.goal))
         dearest = int(diagonals[diagonals < BLOCKED].max())
@@ -91,7 +91,8 @@ class AStar:
         def advance(limit: int) -> int:
             return search(
                 cells, space.width, straights, diagonals, space.around, space.labels, space.queue, space.counts,
-                space.state, space.found, goal_row, goal_col, straight, slant, _SHIFT, forbid, limit,
+                space.state, space.found, goal_row, goal_col, straight, slant, _SHIFT, forbid, space.allowed,
+                space.every, limit,
             )  # fmt: skip
 
         for d in (0, 4):  # an expansion looks half round
@@ -136,7 +137,10 @@ class AStar:
         forbid = 0 if self.traversal.corner_cutting else BLOCKED
         cells, out, n = space.cells.ravel(), np.empty(4 * sum(space.cells.shape), np.int64), -1
         while n < 0:
-            n = trace(cells, space.width, straights, diagonals, space.around, space.labels, goal, forbid, out)
+            n = trace(
+                cells, space.width, straights, diagonals, space.around, space.labels, goal, forbid, space.allowed,
+                space.every, out,
+            )  # fmt: skip
             out = out[:n] if n >= 0 else np.empty(4 * out.size, np.int64)
         return np.stack(np.divmod(out[::-1], space.width), axis=1) - 1
 

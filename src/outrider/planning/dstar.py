@@ -25,6 +25,7 @@ from outrider.planning.search import (
     trace,
 )
 from outrider.planning.traversal import Traversal
+from outrider.planning.workspace import EVERY_WAY
 from outrider.typing import Floats, Ints
 
 _SLICE: Final = 10_000  # cells expanded between two looks at the clock
@@ -235,5 +236,7 @@ class DStarLite:
         """(n, 2) rows and columns, downhill from the start."""
         width, cells, out, n = self._cells.shape[1], self._cells.ravel(), np.empty(self._cells.size, np.int64), -1
         straights, diagonals = self.traversal.halves()
-        n = trace(cells, width, straights, diagonals, self._around(), self._labels, start, self._forbid(), out)
+        n = trace(
+            cells, width, straights, diagonals, self._around(), self._labels, start, self._forbid(), EVERY_WAY, 0, out
+        )
         return np.stack(np.divmod(out[:n], width), axis=1) - 1

@@ -56,7 +56,7 @@ class Reach:
     def _flood(self, costmap: Costmap, row: int, col: int) -> "np.ndarray[tuple[int], np.dtype[np.int64]]":
         """Labels of all cells, see `search`."""
         space, (straights, diagonals) = self.workspace, self.traversal.halves()
-        space.load(costmap.cells)
+        space.load(costmap.cells, costmap.ways)
         space.begin(row, 0, 2 * int(diagonals[diagonals < BLOCKED].max()) + SLANT, _SHIFT)
         forbid = 0 if self.traversal.corner_cutting else BLOCKED
         for first in (0, 4):  # an expansion looks half round
@@ -66,7 +66,8 @@ class Reach:
             while ended != ENDED:
                 ended = search(
                     space.cells.ravel(), space.width, straights, diagonals, space.around, space.labels, space.queue,
-                    space.counts, space.state, space.found, -9, -9, 0, 0, _SHIFT, forbid, limit,
+                    space.counts, space.state, space.found, -9, -9, 0, 0, _SHIFT, forbid, space.allowed,
+                    space.every, limit,
                 )  # fmt: skip
                 if ended == FULL:
                     space.grow()

@@ -151,6 +151,20 @@ def costs_along(costmap: Costmap, traversal: Traversal, points: Floats) -> Float
     return out * costmap.resolution
 
 
+def lawful(costmap: Costmap, points: Floats) -> bool:
+    """Whether lines through points (n, 2) m leave every cell in a way in which it may be left."""
+    if costmap.ways is None:
+        return True
+    fine = resample(points, 0.5 * costmap.resolution)
+    gap = np.diff(fine, axis=0)
+    gap, fine = gap[(gap != 0.0).any(axis=1)], fine[:-1][(gap != 0.0).any(axis=1)]
+    cell = np.clip(costmap.cell_of(fine + 0.5 * gap), 0, np.array(costmap.cells.shape) - 1)
+    ways = costmap.ways[tuple(cell.T)].astype(np.int64)
+    eighth = np.arctan2(gap[:, 1], gap[:, 0]) / (0.25 * np.pi)
+    low, high = np.floor(eighth + _SAME).astype(np.int64), np.ceil(eighth - _SAME).astype(np.int64)
+    return bool((ways >> (low % 8) & ways >> (high % 8) & 1).all())
+
+
 def _in_cells(costmap: Costmap, points: Floats) -> Floats:
     return np.ascontiguousarray((points - costmap.origin) / costmap.resolution)
 
@@ -182,6 +196,8 @@ class Refined:
         points = resample(shorten(costmap, self.traversal, path.points), self.spacing)
         if perf_counter() - begun < budget_s:
             points = smooth(costmap, self.traversal, points, rounds=self.rounds)
+        if not lawful(costmap, points):  # a straight line leads where steps from cell to cell did not
+            points = resample(path.points, self.spacing)
         length = float(np.hypot(*np.diff(points, axis=0).T).sum())
         cost = cost_along(costmap, self.traversal, points)
         return replace(path, points=points, length=length, cost=cost, seconds=perf_counter() - begun)

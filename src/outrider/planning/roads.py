@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import dijkstra
 from outrider.data.grid import Costmap
 from outrider.data.routes import GlobalPlanner, Path, PathOutcome, RouteGraph
 from outrider.errors import ConfigError, UsageError
-from outrider.planning.refine import cost_along
+from outrider.planning.refine import cost_along, lawful
 from outrider.planning.traversal import Traversal
 from outrider.typing import Floats
 
@@ -65,11 +65,12 @@ class RoadPlanner:
     """Takes the roads where that is quicker than the open ground.
 
     The ways on and off are looked for at the `nearby` nodes around either end; a leg over open ground takes its cost,
-    in metres of free ground, at `speed`. A road on which something stands is not taken; what lies beyond the map is
-    taken to be free.
+    in metres of free ground, at `speed`, and so does a road. One on which something stands, or that leads against a
+    one-way zone, is not taken; what lies beyond the map is taken to be free.
 
     graph : the network;  planner : finds the ways over open ground;  traversal : its rules;  speed [m/s] of the robot;
-    width [m] of the robot.
+    width [m] of the robot;  near : m as the crow flies, within which only the open ground is looked at, and  far : from
+    where on it is only if no road leads there: a search over all of a large site takes long.
     """
 
     graph: RouteGraph
@@ -78,9 +79,11 @@ class RoadPlanner:
     traversal: Traversal = field(default_factory=Traversal)
     width: float = 0.0
     nearby: int = 3
+    near: float = 0.0
+    far: float = inf
 
     def __post_init__(self) -> None:
-        if not (0.0 < self.speed < inf) or not self.width >= 0.0 or self.nearby < 1:
+        if not (0.0 < self.speed < inf) or not min(self.width, self.near, self.far) >= 0.0 or self.nearby < 1:
             said = f"speed {self.speed:g} m/s, width {self.width:g} m, {self.nearby} nodes nearby"
             raise ConfigError(said, where="road planner", fix="a positive speed, a width of 0 or more, 1 or more nodes")
 
@@ -95,28 +98,32 @@ class RoadPlanner:
                 return Path(outcome=PathOutcome.OUT_OF_TIME)
             return self.planner.plan(costmap, a, b, budget_s=left)
 
-        best = leg(start, goal)
-        if best.outcome in (PathOutcome.START_OUTSIDE, PathOutcome.START_BLOCKED):
+        gap = float(np.hypot(*(goal - start)))
+        long = gap >= self.far
+        best = Path(outcome=PathOutcome.NO_WAY) if long else leg(start, goal)
+        if gap < self.near or best.outcome in (PathOutcome.START_OUTSIDE, PathOutcome.START_BLOCKED):
             return best
         graph, nodes = self._open(costmap), self.graph.nodes
         on = [(n, way) for n in self._near(start) if (way := leg(start, nodes[n])).found]
         off = [(n, way) for n in self._near(goal) if (way := leg(nodes[n], goal)).found]
         for (n, first), (m, last) in product(on, off):
             best = self._better(best, first, quickest(graph, n, m, speed=self.speed, width=self.width), last)
+        best = leg(start, goal) if long and not best.found else best
         return replace(best, seconds=perf_counter() - begun)
 
     def _open(self, costmap: Costmap) -> RouteGraph:
-        """The roads on which nothing stands."""
+        """The roads that may be taken, each as slow as its ground is dear."""
         graph, size = self.graph, np.array(costmap.cells.shape)
         cell = costmap.cell_of(graph.nodes)
         there = np.asarray(((cell >= 0) & (cell < size)).all(axis=1), np.bool_)
         inside = there[graph.edges[:, 0]] & there[graph.edges[:, 1]]
-        free = [
-            not judged or cost_along(costmap, self.traversal, ends) < inf
-            for judged, ends in zip(inside.tolist(), graph.nodes[graph.edges], strict=True)
-        ]
-        keep = np.array(free, np.bool_)
-        return replace(graph, edges=graph.edges[keep], speed=graph.speed[keep], width=graph.width[keep])
+        dear = np.ones(len(graph.edges))
+        for k in np.flatnonzero(inside & (graph.lengths > 0.0)).tolist():
+            ends = graph.nodes[graph.edges[k]]
+            cost = cost_along(costmap, self.traversal, ends) if lawful(costmap, ends) else inf
+            dear[k] = cost / graph.lengths[k]
+        keep, speed = dear < inf, np.minimum(graph.speed, self.speed) / dear
+        return replace(graph, edges=graph.edges[keep], speed=speed[keep], width=graph.width[keep])
 
     def _near(self, p: Floats) -> list[int]:
         gap = self.graph.nodes - p
@@ -129,4 +136,4 @@ class RoadPlanner:
         points = np.concatenate([first.points, self.graph.nodes[list(route.nodes)], last.points])
         keep = np.concatenate([[True], np.hypot(*np.diff(points, axis=0).T) > 0.0])
         length = float(np.hypot(*np.diff(points, axis=0).T).sum())
-        return Path(outcome=PathOutcome.FOUND, points=points[keep], length=length, cost=cost)
+        return Path(outcome=PathOutcome.FOUND, points=points[keep], length=length, cost=cost, nodes=route.nodes)

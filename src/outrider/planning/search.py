@@ -76,6 +76,8 @@ def search(
     slant: int,
     shift: int,
     forbid: int,
+    allowed: NDArray[np.uint8],
+    every: int,
     limit: int,
 ) -> int:
     """A*: expand up to `limit` cells; ENDED when there is no cheaper way to the goal left to find.
@@ -84,7 +86,8 @@ def search(
     each cost, `BLOCKED` where it is blocked;  around : (72,) what each direction adds to a cell, its row, its column;
     labels : (n,);  queue : (buckets * capacity,), buckets a power of 2;  counts : (buckets,);  state : (STATES,);
     found : (16,) scratch;  straight, slant : of the estimate, 0 for Dijkstra's search;  shift : log2 of the width of a
-    bucket;  forbid : `BLOCKED` if diagonal steps may not cut corners, else 0.
+    bucket;  forbid : `BLOCKED` if diagonal steps may not cut corners, else 0;  allowed : (n,) or (1,) bits of the
+    directions in which cell c & `every` may be left.
 
     f = g + h never falls along a path, so buckets are emptied in order. Within one, last in is first out: a cell that
     was expanded too early is expanded again. Whoever comes from p need not look at neighbours of p on the far side:
@@ -143,8 +146,11 @@ def search(
             k = _note(found, k, labels, far_right, d + 6, own + r)
             k = _note(found, k, labels, left, d + 1, diagonal + (int(diagonals[cells[left]]) | ((a | s) & forbid)))
             k = _note(found, k, labels, right, d + 7, diagonal + (int(diagonals[cells[right]]) | ((a | r) & forbid)))
+        ways = int(allowed[c & every])
         for i in range(k):
             d, label = int(found[i]), int(found[i + 8])
+            if ways >> (d & 7) & 1 == 0:
+                continue
             r, s = row + int(around[d + 24]), col + int(around[d + 48])
             labels[r * width + s] = label
             bucket = ((label + estimate(r - goal_row, s - goal_col, straight, slant)) >> shift) & mask
@@ -166,6 +172,8 @@ def trace(
     labels: Ints,
     goal: int,
     forbid: int,
+    allowed: NDArray[np.uint8],
+    every: int,
     out: Ints,
 ) -> int:
     """Cells of a cheapest way, goal first; their number, or -1 if `out` is too short. Turns are put off."""
@@ -185,6 +193,8 @@ def trace(
             if diagonal and forbid & (
                 straights[cells[c + around[d + turn + 1]]] | straights[cells[c + around[d + turn + 7]]]
             ):
+                continue
+            if allowed[n & every] >> ((d + turn + 4) & 7) & 1 == 0:
                 continue
             if step < BLOCKED and (labels[n] & ~1) + step <= label:
                 c, d = n, (d + turn) & 7

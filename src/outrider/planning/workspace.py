@@ -11,6 +11,7 @@ from outrider.planning.jumps import REACH
 from outrider.planning.search import AT, BLOCKED, BY_COL, BY_ROW, NORTH, SOUTH, STATES
 from outrider.typing import Ints
 
+EVERY_WAY: Final = np.full(1, 255, np.uint8)
 _CAPACITY: Final = 16 * REACH  # of a bucket at first; it doubles
 
 
@@ -25,7 +26,7 @@ class Workspace:
     by the next.
 
     cells : (rows + 2, cols + 2);  labels, ways, parents : (cells,) see `search` and `jumps`;  queue, counts, state,
-    around, found : see `search`.
+    around, found, allowed, every : see `search`.
     """
 
     cells: NDArray[np.uint8] = field(default_factory=lambda: np.zeros((0, 0), np.uint8))
@@ -37,6 +38,8 @@ class Workspace:
     around: Ints = field(default_factory=_nothing)
     state: Ints = field(default_factory=lambda: np.zeros(STATES, np.int64))
     found: Ints = field(default_factory=lambda: np.zeros(16, np.int64))
+    allowed: NDArray[np.uint8] = field(default_factory=lambda: EVERY_WAY)
+    every: int = 0
 
     @property
     def width(self) -> int:
@@ -48,10 +51,12 @@ class Workspace:
         """Of memory held, most of it untouched unless a search went everywhere."""
         return sum(a.nbytes for a in (self.cells, self.labels, self.ways, self.parents, self.queue))
 
-    def load(self, cells: NDArray[np.uint8]) -> None:
-        """Take over a map (rows, cols) and forget the last search."""
+    def load(self, cells: NDArray[np.uint8], ways: NDArray[np.uint8] | None = None) -> None:
+        """Take over a map (rows, cols) and the ways in which its cells may be left, and forget the last search."""
         self._fit(cells.shape, INSCRIBED)
         self.cells[1:-1, 1:-1] = cells
+        self.every = 0 if ways is None else -1
+        self.allowed = EVERY_WAY if ways is None else np.pad(ways, 1, constant_values=255).ravel()
 
     def load_plain(self, cells: NDArray[np.uint8], *, keep_unknown: bool) -> None:
         """The same, with 1 for taken cells and 0 for all others."""

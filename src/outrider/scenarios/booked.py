@@ -43,6 +43,7 @@ def mission(cast: Cast, run: Simulation) -> dict[str, Any] | None:
                 "battery": p.share,
                 "stops": p.stops[:, :2].tolist(),
                 "dock": p.dock[:2].tolist(),
+                "legs": dict(p.body.driver.legs),
                 "observed": sum(e.robot == name and e.state is AlertState.OBSERVED for e in book),
             }
             for name, p in patrols.items()

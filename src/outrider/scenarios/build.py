@@ -168,7 +168,7 @@ def _agent(member: Member, mission: Any, shared: Setting) -> Agent | Planned:
     if mission.type == "patrol":
         return patrol(mission, member, shared)
     if mission.type == "goto":
-        return _errand(member, mission, shared.world)
+        return _errand(member, mission, shared)
     if mission.type == "tour":
         return _tour(member.name, mission, member.vehicle, member.carried, member.put, shared.world)
     inputs = member.vehicle.inputs
@@ -180,11 +180,11 @@ def _agent(member: Member, mission: Any, shared: Setting) -> Agent | Planned:
     return plan
 
 
-def _errand(member: Member, mission: GotoMission, world: World) -> Errand:
+def _errand(member: Member, mission: GotoMission, shared: Setting) -> Errand:
     goals, period = goal_poses(mission.goals), mission.period_s
     body = ground_robot(
-        mission.drive, member.vehicle, member.carried, member.put, world, robot=member.name, period_s=period,
-        goals=goals, hull=member.hull,
+        mission.drive, member.vehicle, member.carried, member.put, shared.world, robot=member.name, period_s=period,
+        goals=goals, hull=member.hull, zones=shared.zones, routes=shared.routes,
     )  # fmt: skip
     return Errand(body=body, goals=goals, hold_s=mission.hold_s, period_s=period)
 

@@ -10,14 +10,16 @@ from outrider.core.angles import wrap
 from outrider.data.driving import DriveLimits, LocalPlanner, Steering
 from outrider.data.footprint import Footprint
 from outrider.data.grid import Grid
+from outrider.data.routes import GlobalPlanner, RouteGraph
 from outrider.errors import ConfigError
 from outrider.mapping.inflation import Inflation
-from outrider.mapping.layers import Cells
+from outrider.mapping.zones import Zones
 from outrider.models.vehicles import Differential, Mecanum, Steered, Vehicle
 from outrider.planning.astar import AStar
 from outrider.planning.local.pursuit import Pursuit, PursuitSettings
 from outrider.planning.local.teb import Teb, TebSettings
 from outrider.planning.refine import Refined
+from outrider.planning.roads import RoadPlanner
 from outrider.scenarios.navigation import Put, mount_matrix, navigator
 from outrider.scenarios.sections import Number, Part, inner_section, made_of, tagged
 from outrider.sim.monitor import Hull
@@ -59,6 +61,8 @@ class DrivePart(Part):
     """m from obstacles within which the planner's ground costs more."""
     falling: Positive = 2.5
     """1/m: how fast that cost falls."""
+    roads: Positive = 400.0
+    """m as the crow flies, from where on a leg is planned over the routes of the site, if it has any."""
     without: tuple[str, ...] = ()
     """Sensors that its navigation leaves alone: references, spares."""
     local: tagged(LOCAL, skip=("period",)) = Field(  # type: ignore[valid-type]
@@ -101,13 +105,14 @@ def ground_robot(
     goals: Floats,
     hull: Hull | None = None,
     others: Footprint | None = None,
-    keep_out: Cells | None = None,
+    zones: Zones | None = None,
+    routes: RouteGraph | None = None,
 ) -> Ground:
     """A robot that drives on its estimate: navigator, driver and lidar, from what it is and what it carries.
 
     goals : (n, 2+) m, what it is to visit: a world without a map of its own is taken as free around them;
     hull : what must not touch anything, of the vehicle unless given;  others : the footprint that other robots have;
-    keep_out : cells of the map where it may not go.
+    zones : of the site: where it may not go, how fast, and which way;  routes : of the site, for long legs.
     Raises ConfigError for a vehicle that cannot drive on the ground, and for sensors that do not tell where it is.
     """
     base: Vehicle = getattr(vehicle, "design", vehicle)  # of the second physics
@@ -117,20 +122,29 @@ def ground_robot(
     driver = Driver(
         ground=drawn(world, np.vstack([np.array(put[:2]), goals[:, :2]])),
         footprint=body,
-        planner=Refined(planner=AStar()),
+        planner=path_planner(section, routes, limits.forward, 2.0 * body.circumscribed),
         local=_local(section.local, limits, body, period_s),
         inflation=Inflation(
             inscribed=body.inscribed, radius=body.inscribed + section.inflation, factor=section.falling
         ),
-        keep_out=keep_out,
+        zones=zones,
         settings=made_of(DriverSettings, section.driver),
         sees=lidar is not None,
+        period_s=period_s,
     )
     used = [s for s in carried if s.name not in section.without]
     own = navigator(used, put, EPOCH, world, flies=False, robot=robot, base=base)
     mount = np.zeros(3) if lidar is None else _mount(lidar)
     late = Reaction(seconds=drive_lag(base))
-    return Ground(navigator=own, driver=driver, lidar=mount, others=others, reaction=late)
+    return Ground(navigator=own, driver=driver, lidar=mount, others=others, reaction=late, period_s=period_s)
+
+
+def path_planner(section: DrivePart, routes: RouteGraph | None, speed: float, width: float) -> GlobalPlanner:
+    """Over open ground; long legs over the routes of the site, where it has any."""
+    if routes is None:
+        return Refined(planner=AStar())
+    over = RoadPlanner(graph=routes, planner=AStar(), speed=speed, width=width, near=section.roads, far=section.roads)
+    return Refined(planner=over)
 
 
 def drive_lag(vehicle: Vehicle) -> float:

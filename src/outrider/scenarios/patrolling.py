@@ -21,17 +21,19 @@ from outrider.io.alerts import AlertFile, AlertSection, agenda
 from outrider.io.checked import remedy
 from outrider.io.sites import parse_site, read_site
 from outrider.mapping.inflation import Inflation
-from outrider.mapping.layers import Cells, LayeredCostmap
 from outrider.mapping.sites import draw
+from outrider.mapping.zones import Zones
 from outrider.models.vehicles import Vehicle
 from outrider.planning.astar import AStar
 from outrider.planning.refine import Refined
+from outrider.planning.traversal import Traversal
 from outrider.scenarios.driving import DrivePart, drawn, ground_robot
 from outrider.scenarios.navigation import Put
 from outrider.scenarios.sections import Number, Part, inner_section, made_of
 from outrider.sim.monitor import Hull
 from outrider.sim.truth import EPOCH, SITE
 from outrider.sim.world import World
+from outrider.team.driver import zoned
 from outrider.team.patrol import Battery, Patrol
 from outrider.team.station import Feed, Station
 from outrider.typing import Floats
@@ -134,7 +136,7 @@ class Setting:
         """Outlines (k, 2) m."""
         if self.mission is None:
             return ()
-        graph = self.drawing.routes if self.drawing is not None else None
+        graph = self.routes
         narrow = self.mission.narrow
         least = 4.0 * self.radius + 3.0 * ROOM if narrow is None else narrow
         listed = [np.array(p, np.float64) for p in self.mission.passages]
@@ -143,11 +145,16 @@ class Setting:
         return (*(narrow_ways(graph, least) if graph is not None else ()), *listed)
 
     @cached_property
-    def keep_out(self) -> Cells | None:
-        """Cells where nobody may go."""
+    def zones(self) -> Zones | None:
+        """Where nobody may go, how fast robots may go, and which way."""
         if self.drawing is None or self.world.grid is None:
             return None
-        return draw(self.drawing, self.world.grid.resolution).zones.keep_out
+        return draw(self.drawing, self.world.grid.resolution).zones
+
+    @property
+    def routes(self) -> RouteGraph | None:
+        """Drawn ways from node to node."""
+        return self.drawing.routes if self.drawing is not None else None
 
     @property
     def anchor(self) -> Anchor:
@@ -178,7 +185,8 @@ def patrol(section: PatrolMission, member: Member, setting: Setting) -> Patrol:
     body = ground_robot(
         section.drive, member.vehicle, member.carried, member.put, setting.world, robot=member.name,
         period_s=section.period_s, goals=np.vstack([stops, dock]), hull=member.hull,
-        others=Footprint.circle(setting.radius), keep_out=setting.keep_out,
+        others=Footprint.circle(setting.radius), zones=setting.zones,
+        routes=setting.routes,
     )  # fmt: skip
     return Patrol(
         name=member.name, body=body, stops=stops, dock=dock, station=setting.station, passages=setting.passages,
@@ -219,7 +227,8 @@ def _costmap(setting: Setting, drive: DrivePart, ground: Grid) -> Costmap:
     """The map as the robots have it before they have seen anything."""
     body = Footprint.circle(setting.radius) if drive.footprint is None else Footprint.rectangle(*drive.footprint)
     costs = Inflation(inscribed=body.inscribed, radius=body.inscribed + drive.inflation, factor=drive.falling)
-    return LayeredCostmap(ground, inflation=costs, footprint=body, keep_out=setting.keep_out).costmap
+    rules = Traversal()
+    return zoned(ground, setting.zones, costs, body, speed=drive.forward, weight=rules.weight).costmap
 
 
 def narrow_ways(graph: RouteGraph, width: float) -> tuple[Floats, ...]:

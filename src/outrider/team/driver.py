@@ -18,11 +18,13 @@ from outrider.data.grid import Costmap, Grid
 from outrider.data.routes import GlobalPlanner, Path, PathOutcome
 from outrider.data.scan import Scan
 from outrider.mapping.inflation import Inflation
-from outrider.mapping.layers import Cells, LayeredCostmap, Other
+from outrider.mapping.layers import LayeredCostmap, Other
 from outrider.mapping.obstacles import Marking
-from outrider.planning.local.yielding import Yielding
+from outrider.mapping.zones import Zones
+from outrider.planning.local.yielding import Yielding, YieldSettings
 from outrider.planning.replan import Choice, Replanning
 from outrider.planning.traversal import Traversal
+from outrider.team.lawful import obeyed
 from outrider.team.navigator import Fused
 from outrider.team.sight import Sight
 from outrider.typing import Floats
@@ -94,17 +96,19 @@ class Driver:
         planner: GlobalPlanner,
         local: LocalPlanner,
         inflation: Inflation,
-        keep_out: Cells | None = None,
+        zones: Zones | None = None,
         settings: DriverSettings = DriverSettings(),
         sees: bool = True,
         traversal: Traversal = Traversal(),
+        period_s: float = 0.1,
     ) -> None:
-        """traversal : the planner's own rules, by which paths are compared."""
+        """traversal : the planner's own rules, by which paths are compared;  period_s : s between steps."""
         self.footprint, self.sees = footprint, sees
         self._planner, self._settings, self._traversal = planner, settings, traversal
-        self._local = Yielding(planner=local, footprint=footprint)
+        self._local = Yielding(planner=local, footprint=footprint, settings=YieldSettings(period=period_s))
         s = settings
-        costs = LayeredCostmap(ground, inflation=inflation, footprint=footprint, keep_out=keep_out, marking=MARKING)
+        self._zones = zones
+        costs = zoned(ground, zones, inflation, footprint, speed=local.limits.forward, weight=traversal.weight)
         self._sight = Sight(costs, sees=sees, window=s.window, stale_s=s.stale_s, sigma=s.sigma)
         self._replanning = Replanning(better=s.better, least=s.least)
         self._goal: Floats | None = None
@@ -112,6 +116,7 @@ class Driver:
         self._plan: LocalPlan | None = None
         self._planned_s = self._moved_s = -np.inf
         self.plans, self.choices = 0, dict.fromkeys(Choice, 0)
+        self.legs = {"roads": 0, "open ground": 0}
 
     @property
     def costmap(self) -> Costmap:
@@ -147,7 +152,14 @@ class Driver:
             return self._lost(t_s, path)
         # the trajectory along it
         self._plan = self._local.plan(self._situation(t_s, here, pose, path, moving), self._plan)
-        return self._told(t_s, self._plan)
+        return self._within_zones(self._told(t_s, self._plan), pose, path)
+
+    def _within_zones(self, answer: Answer, pose: Floats, path: Path) -> Answer:
+        """The answer with what the zones of the site leave of its command."""
+        if self._zones is None:
+            return answer
+        twist, why = obeyed(self._zones, answer.twist, pose, path.points, self.limits)
+        return replace(answer, twist=twist, reason=why or answer.reason)
 
     def _route(self, t_s: float, p: Floats) -> Path:
         """The path to follow: planned anew now and then, and soon where it is blocked or leads nowhere."""
@@ -163,6 +175,8 @@ class Driver:
         if old is not None:
             choice = self._replanning.choose(self.costmap, self._traversal, old, new, p)
         self.choices[choice] += 1
+        if choice is Choice.FIRST and new.found:
+            self.legs["roads" if new.nodes else "open ground"] += 1
         self._path = new if old is None or choice is not Choice.KEPT or (stuck and new.found) else old
         return self._path
 
@@ -215,6 +229,18 @@ class Driver:
         if t_s - self._moved_s > self._settings.patience_s:
             state = Drive.UNREACHABLE
         return Answer(state=state, twist=plan.twist, reason=plan.reason, path=self._path, plan=plan)
+
+
+def zoned(
+    ground: Grid, zones: Zones | None, inflation: Inflation, footprint: Footprint, *, speed: float, weight: float
+) -> LayeredCostmap:
+    """A costmap of a whole site as a robot of `speed` [m/s] may use it; weight : of the planner's `Traversal`."""
+    return LayeredCostmap(
+        ground, inflation=inflation, footprint=footprint, marking=MARKING,
+        keep_out=None if zones is None else zones.keep_out,
+        least=None if zones is None else zones.least_costs(speed, weight),
+        ways=None if zones is None else zones.ways,
+    )  # fmt: skip
 
 
 def _facing(pose: Floats, path: Floats, limits: DriveLimits) -> float:

@@ -34,7 +34,8 @@ class Ground:
 
     lidar : (3,) pose of the lidar in the body: forward, left [m], turned by [rad];  blind : m, what it sees of its own
     robot;  others : the footprint that other robots are taken to have;  reaction : how late the base does what it is
-    told;  safety : what every command passes, by default the limits of the driver's base, its footprint, and no zones.
+    told;  period_s : between commands;  safety : what every command passes, by default the limits of the driver's base,
+    its footprint, and no zones.
     """
 
     navigator: Navigator
@@ -43,6 +44,7 @@ class Ground:
     blind: float = 0.05
     others: Footprint | None = None
     reaction: Reaction = field(default_factory=lambda: Reaction(seconds=0.0))
+    period_s: float = 0.1
     safety: SafetyStage | None = None
     _held: Held | None = None
     _scan: RawScan | None = None
@@ -50,9 +52,9 @@ class Ground:
 
     def __post_init__(self) -> None:
         if self.safety is None:
-            late = max(0.2, self.reaction.seconds + 0.1)
+            late = max(0.2, self.reaction.seconds + self.period_s)
             monitor = Monitor(footprint=self.driver.footprint, reaction=late) if self.driver.sees else None
-            self.safety = SafetyStage(limits=self.driver.limits, monitor=monitor)
+            self.safety = SafetyStage(limits=self.driver.limits, monitor=monitor, period=self.period_s)
 
     @property
     def interventions(self) -> dict[Reason, tuple[int, int]]:
