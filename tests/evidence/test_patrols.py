@@ -1,6 +1,7 @@
 """A fleet on patrol: what becomes of random alerts, and how near the response is to the best there was; written to
 docs/evidence/patrol.md."""
 
+import sys
 from dataclasses import dataclass, field
 from itertools import permutations
 from typing import Any
@@ -23,6 +24,7 @@ from published import publish
 
 pytestmark = pytest.mark.evidence
 MINUTES, ALERTS, SEED = 60.0, 20, 1
+ABOUT = 2.5  # m
 
 
 @dataclass
@@ -44,6 +46,9 @@ class Watch:
             went = [e for e in went if e.state is AlertState.ASSIGNED]
             if went:
                 self.sent.append((s, free, waiting, went))
+                told = ", ".join(f"{e.robot} to alert {e.alert.number}" for e in went)
+                sys.stdout.write(f"{told}; {sum(e.state.ended for e in s.book.values())} have ended\n")
+                sys.stdout.flush()
 
         return watched
 
@@ -100,14 +105,16 @@ def test_the_patrol_of_an_hour(minutes: float = MINUTES, alerts: int = ALERTS) -
     booked = told["alerts"]
     worst = max(excess(*one) for one in watch.sent)
     gone = [a for a in booked if a["driven_m"] is not None and a["way_m"] > 5.0]
+    each = np.array([a["driven_m"] / a["way_m"] for a in gone])
     ratio = sum(a["driven_m"] for a in gone) / sum(a["way_m"] for a in gone)
+    beyond = sum(a["driven_m"] - a["way_m"] > max(0.1 * a["way_m"], ABOUT) for a in gone)
     apart = min(c.distance for pair, c in run.monitor.separations.items() if "station" not in pair)
     walls = min(c.distance for name, c in run.monitor.clearances.items() if name != "station")
     rows = [
         (
             a["alert"], f"{a['east_m']:.1f}, {a['north_m']:.1f}", shown(a["raised_s"], "s"), a["robot"],
             shown(a["sent_s"], "s"), shown(a["response_s"], "s"), shown(a["way_m"], "m"), shown(a["driven_m"], "m"),
-            a["text"],
+            "" if a["driven_m"] is None else f"{a['driven_m'] / a['way_m']:.2f}", a["text"],
         )
         for a in booked
     ]  # fmt: skip
@@ -116,9 +123,10 @@ def test_the_patrol_of_an_hour(minutes: float = MINUTES, alerts: int = ALERTS) -
         f"minutes, seed {SEED}: {run.sentence}. Every alert ends in a named state. Who is sent: the sum of path costs "
         f"is at most {worst:.4f} times the least there was (scikit-image for the costs, all pairings tried; asked: "
         f"1.10). Driven from being sent to being there: {ratio:.3f} times the way planned when sent, over all ways of "
-        f"more than 5 m. Robots came no nearer than {apart:.2f} m to each other and {walls:.2f} m to anything else."
+        f"more than 5 m ({each.min():.2f} to {each.max():.2f}, median {np.median(each):.2f}); {beyond} of {len(gone)} are "
+        f"longer by more than 10 % and by more than the {ABOUT:g} m that it takes to turn about at speed. Robots came no nearer than {apart:.2f} m to each other and {walls:.2f} m to anything else."
     )
-    header = ("alert", "at, m", "raised", "robot", "sent", "response", "way", "driven", "end")
+    header = ("alert", "at, m", "raised", "robot", "sent", "response", "way", "driven", "ratio", "end")
     publish("patrol", "A fleet on patrol", text, header, rows)
     assert run.ending is Ending.TIME
     assert len(booked) == alerts and all(a["ended"] for a in booked)

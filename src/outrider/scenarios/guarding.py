@@ -84,9 +84,12 @@ def site_fleet(cfg: Fleet) -> Description:
     """Five robots go round a drawn site with a passage for one at a time; the nearest goes to each of twenty alerts."""
     if not 1 <= cfg.robots <= len(ROUNDS):
         raise ConfigError(f"{cfg.robots} robots", where="site-fleet", fix=f"1 to {len(ROUNDS)}")
+    if not 0.0 < cfg.minutes < np.inf or cfg.alerts < 0 or cfg.draw < 0:
+        what = f"{cfg.minutes:g} minutes, {cfg.alerts} alerts, draw {cfg.draw}"
+        raise ConfigError(what, where="site-fleet", fix="more than no time, and no number below zero")
     rng = np.random.default_rng(cfg.draw)
     last = max(60.0 * cfg.minutes - 300.0, 30.0 * cfg.minutes)
-    times = np.sort(rng.uniform(10.0, last, cfg.alerts))
+    times = np.sort(rng.uniform(min(10.0, last), last, cfg.alerts))
     alerts: list[dict[str, Any]] = []
     for k, t in enumerate(times.tolist()):
         west, east, south, north = ROADS[int(rng.integers(len(ROADS)))]
