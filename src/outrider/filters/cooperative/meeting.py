@@ -11,7 +11,8 @@ through s_i s_j' only. Derivation and code are our own.
 
 With third parties no two robots can know what they share without asking these. `factored` lets their factors follow by
 P_new P_old^-1, the idea of Luft et al. 2018: right if they know of the partner only through this robot, and else too
-sure. `fusion` therefore leaves it to the exact pair, and turns to covariance intersection where others are concerned.
+sure. Teams of a few pass on what they have heard instead (`gossip`); large ones leave it to the exact pair, and turn to
+covariance intersection where others are concerned.
 """
 
 from typing import NamedTuple
