@@ -123,8 +123,9 @@ def test_the_patrol_of_an_hour(minutes: float = MINUTES, alerts: int = ALERTS) -
         f"minutes, seed {SEED}: {run.sentence}. Every alert ends in a named state. Who is sent: the sum of path costs "
         f"is at most {worst:.4f} times the least there was (scikit-image for the costs, all pairings tried; asked: "
         f"1.10). Driven from being sent to being there: {ratio:.3f} times the way planned when sent, over all ways of "
-        f"more than 5 m ({each.min():.2f} to {each.max():.2f}, median {np.median(each):.2f}); {beyond} of {len(gone)} are "
-        f"longer by more than 10 % and by more than the {ABOUT:g} m that it takes to turn about at speed. Robots came no nearer than {apart:.2f} m to each other and {walls:.2f} m to anything else."
+        f"more than 5 m ({each.min():.2f} to {each.max():.2f}, median {np.median(each):.2f}); {beyond} of {len(gone)} "
+        f"are longer by more than 10 % and by more than the {ABOUT:g} m that it takes to turn about at speed. Robots "
+        f"came no nearer than {apart:.2f} m to each other and {walls:.2f} m to anything else."
     )
     header = ("alert", "at, m", "raised", "robot", "sent", "response", "way", "driven", "ratio", "end")
     publish("patrol", "A fleet on patrol", text, header, rows)
