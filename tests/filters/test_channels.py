@@ -1,9 +1,12 @@
 """Channels: what becomes of a stream's columns and claims before the filter sees them."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from support import channel
 
 from outrider.core.geodesy import enu_to_geodetic
@@ -13,6 +16,7 @@ from outrider.filters.channels import (
     GNSS_DEFAULT,
     GNSS_FLOOR,
     STILL_TIME,
+    Rest,
     default_sigma,
     gnss_variance,
     records,
@@ -245,6 +249,17 @@ def test_standstill_needs_half_a_second_of_no_motion():
     assert not still[40 : 40 + wait].any() and still[40 + wait :].all()
     part = taken(channel("s", Twist(), still=True), s)
     np.testing.assert_array_equal(part.row, np.flatnonzero(still))
+
+
+@given(st.lists(st.integers(0, 59), max_size=8), st.lists(st.integers(1, 59), max_size=20))
+def test_standstill_of_a_stream_in_pieces_is_that_of_the_whole(moves: list[int], cuts: list[int]):
+    """Online, records come in pieces that are shorter than the standstill that counts."""
+    z = np.zeros((60, 6))
+    z[moves, 0] = 0.5
+    s = stream("s", Kind.TWIST, np.arange(1, 61) * (SECOND // 10), z)
+    ends, rest = [0, *sorted(set(cuts)), 60], Rest()
+    pieces = [standstill(s.select(np.arange(a, b)), rest) for a, b in pairwise(ends)]
+    np.testing.assert_array_equal(np.concatenate(pieces), standstill(s))
 
 
 def test_what_is_no_number_does_not_stand_still():

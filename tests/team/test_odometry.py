@@ -1,12 +1,20 @@
 """Wheels as odometry: exact where nothing slips, in doubt where the wheels contradict one another."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from outrider.data import Kind, stream
+from outrider.models.motion import Motion
 from outrider.models.vehicles import Differential
 from outrider.models.wheels import WheelKinematics
 from outrider.scenarios.amr2025 import wheels
+from outrider.scenarios.navigation import channels_of, filter_of
+from outrider.sim.sensors import BodyTwist, GnssReceiver
+from outrider.sim.truth import EPOCH
+from outrider.sim.world import World
+from outrider.team import Navigator
 from outrider.team.odometry import Odometry
 
 EIGHT = WheelKinematics(tuple((x, y, g) for x, y, g in wheels()))
@@ -50,3 +58,22 @@ def test_the_yaw_rate_counts_once_the_wheels_have_stood() -> None:
     parts = [own.twist(stream("encoders", Kind.WHEELS, t[k : k + 5], rims[k : k + 5])) for k in range(0, 40, 5)]
     resting = np.concatenate([p.var[:, 5] for p in parts]) < 1e-5
     assert not resting[: 9 + 15].any() and resting[9 + 15 :].all()  # 0.3 s after the tenth record
+
+
+def test_a_channel_of_wheels_at_rest_hears_them_online() -> None:
+    """Records that come 0.1 s at a time make the estimate that they make at once: rest counts across pieces."""
+    world, carried = World(name="yard"), (GnssReceiver(), BodyTwist(name="wheels", rolling=False))
+    moving = channels_of(carried, Motion.PLANAR)
+    (wheels,) = (c for c in moving if c.stream == "wheels")
+    still = replace(wheels, name="wheels (at rest)", still=True, trust_stated=False, sigma=0.01 * wheels.sigma)
+    f, prior = filter_of((*moving, still), carried, Motion.PLANAR, (0.0, 0.0, 0.0, 0.0), world)
+    z, t = np.zeros((40, 6)), EPOCH + np.arange(1, 41) * 50_000_000
+    z[:10, 0], z[:10, 5] = 0.5, 0.2
+    whole, pieces = (Navigator(f, prior, EPOCH, world.datum) for _ in range(2))
+    whole.take([stream("wheels", Kind.TWIST, t, z)])
+    for k in range(0, 40, 2):
+        pieces.take([stream("wheels", Kind.TWIST, t[k : k + 2], z[k : k + 2])])
+    ends = [nav.now(int(t[-1])) for nav in (whole, pieces)]
+    np.testing.assert_array_equal(ends[0].p, ends[1].p)
+    np.testing.assert_array_equal(ends[0].P, ends[1].P)
+    assert ends[0].w == ends[1].w

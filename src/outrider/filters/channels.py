@@ -79,9 +79,20 @@ class Records:
         return Records(*(getattr(self, f.name)[keep] for f in fields(self)))
 
 
-def records(channel: Channel, stream: Stream, verdict: Ints, datum: Datum | None) -> Records:
-    """The stream's records as the channel's measurements; `verdict` is what screening said of each."""
-    row = _taken(channel, stream)
+@final
+@dataclass(slots=True)
+class Rest:
+    """What a channel remembers between pieces of a stream: since when [ns] the wheels stand, None before any record."""
+
+    since: int | None = None
+
+
+def records(channel: Channel, stream: Stream, verdict: Ints, datum: Datum | None, rest: Rest | None = None) -> Records:
+    """The stream's records as the channel's measurements; `verdict` is what screening said of each.
+
+    rest : of the pieces before, where a stream comes in pieces; the result is the same as of the whole.
+    """
+    row = _taken(channel, stream, rest)
     whole = row.size == len(stream)
     part = stream if whole else stream.select(row)
     z, stated = measurement(channel, part, datum)
@@ -96,7 +107,7 @@ def records(channel: Channel, stream: Stream, verdict: Ints, datum: Datum | None
     return Records(part.t, part.t_arrival, out, var, flag, row)
 
 
-def _taken(channel: Channel, stream: Stream) -> Ints:
+def _taken(channel: Channel, stream: Stream, rest: Rest | None) -> Ints:
     """Rows of the stream that are the channel's."""
     row = np.arange(len(stream), dtype=np.int64)
     if channel.fixes and "fix" in stream.extra:
@@ -104,7 +115,7 @@ def _taken(channel: Channel, stream: Stream) -> Ints:
     if channel.beacon is not None:
         row = row[stream.z[row, 0] == channel.beacon]
     if channel.still:
-        row = row[standstill(stream)[row]]
+        row = row[standstill(stream, rest)[row]]
     return row
 
 
@@ -234,14 +245,16 @@ STILL_RATE: Final = 0.01  # rad/s
 STILL_TIME: Final = 0.5  # s of standstill before it counts
 
 
-def standstill(s: Stream) -> Bools:
-    """(n,) whether the wheels have stood still for `STILL_TIME` up to each record."""
+def standstill(s: Stream, rest: Rest | None = None) -> Bools:
+    """(n,) whether the wheels have stood still for `STILL_TIME` up to each record; rest : of the pieces before."""
     n = len(s)
     if n == 0:
         return np.zeros(0, np.bool_)
+    memory = rest or Rest()
     moving = ~((np.abs(s.z[:, :2]) < STILL_SPEED).all(axis=1) & (np.abs(s.z[:, -1]) < STILL_RATE))
     last_moving = np.maximum.accumulate(np.where(moving, s.t, np.iinfo(np.int64).min // 2))
-    since = np.maximum(last_moving, s.t[0])
+    since = np.maximum(last_moving, s.t[0] if memory.since is None else memory.since)
+    memory.since = int(since[-1])
     return ~moving & (s.t - since >= int(STILL_TIME * 1e9))
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from outrider.core.rotations import quat_from_matrix
 from outrider.data import Datum, Gaussian, Kind, Stream, stream
-from outrider.filters.channels import records
+from outrider.filters.channels import Rest, records
 from outrider.filters.engine import Filter, OnlineFilter
 from outrider.filters.screen import Memory, screen
 from outrider.models.kinematics import K_P, K_R, K_SIZE, K_V, K_W, T_P, T_SIZE
@@ -51,6 +51,7 @@ class Navigator:
         self._online = OnlineFilter(f, prior, 0.0)
         self._memory: dict[str, Memory] = {}
         self._order = [0] * len(f.channels)
+        self._rest = [Rest() for _ in f.channels]
         self.refused = 0
 
     def take(self, news: Iterable[Stream]) -> None:
@@ -62,7 +63,7 @@ class Navigator:
             for code, channel in enumerate(self._filter.channels):
                 if channel.stream != s.name:
                     continue
-                made = records(channel, s, verdict, self._datum)
+                made = records(channel, s, verdict, self._datum, self._rest[code])
                 seconds = np.asarray((made.t - self._start) * 1e-9, np.float64)
                 self._online.take(seconds, code, made.z, made.r, made.flag, self._order[code] + 1)
                 self._order[code] += made.t.size
