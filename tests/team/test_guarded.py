@@ -83,14 +83,16 @@ def fused(**more: Any) -> Fused:
     return replace(here, **more)
 
 
-def robot(local: LocalPlanner | None = None, *, way: Way | None = None, sees: bool = True) -> Ground:
+def robot(
+    local: LocalPlanner | None = None, *, way: Way | None = None, sees: bool = True, scan_s: float = 0.1
+) -> Ground:
     ground = Grid(cells=np.zeros((200, 300), np.uint8), resolution=0.1, origin=np.array([-10.0, -10.0]))
     driver = Driver(
         ground=ground, footprint=Footprint.circle(0.3), planner=way or Way([STRAIGHT]), local=local or Steady(FAST),
         inflation=Inflation(inscribed=0.3), sees=sees,
     )  # fmt: skip
     driver.go(np.array([12.0, 0.0, np.nan]))
-    return Ground(navigator=cast(Navigator, Own(fused())), driver=driver)
+    return Ground(navigator=cast(Navigator, Own(fused())), driver=driver, scan_s=scan_s)
 
 
 def lidar(t: int, ranges: Floats) -> Stream:
@@ -150,6 +152,20 @@ def test_a_fault_ends_in_a_controlled_stop_with_its_reason(
         assert sum(f"safety: {reason.value}" in a.note for a in answers) == 1
     again = cycles(g, 45, 70)
     assert again[-1].twist[0] == pytest.approx(0.8)
+
+
+@pytest.mark.parametrize("every", [1, 2, 3])
+def test_scans_may_come_at_any_rate_and_two_may_be_lost(every: int) -> None:
+    """Of a lidar that scans every `every` cycles: lost two in a row it drives on, lost four it stops, and says why."""
+    g, answers = robot(scan_s=0.1 * every), list[Answer]()
+    for k in range(0, 20 * every, every):
+        answers = cycles(g, k, k + 1) + cycles(g, k + 1, k + every, ranges=None)
+    assert answers[-1].twist[0] == pytest.approx(0.8) and Reason.NO_SCAN not in g.interventions
+    k = 20 * every
+    assert cycles(g, k, k + 2 * every, ranges=None)[-1].state is Drive.UNDER_WAY
+    assert Reason.NO_SCAN not in g.interventions
+    cycles(g, k + 2 * every, k + 4 * every + 2, ranges=None)
+    assert g.interventions[Reason.NO_SCAN][0] == 1
 
 
 def test_a_command_that_is_not_finite_never_reaches_the_motors() -> None:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from enum import Enum
-from typing import Final, final
+from typing import Final, Self, final
 
 import numpy as np
 
@@ -36,6 +36,8 @@ class Reason(Enum):
         return self not in (Reason.NONE, Reason.LIMITED, Reason.SLOWED, Reason.APPROACHING, Reason.LEAVING)
 
 
+MISSED: Final = 2.5  # scans
+LATE: Final = 0.25  # s from a scan until a cycle has it, at most
 RULED: Final = {
     Action.SLOW: Reason.SLOWED,
     Action.APPROACH: Reason.APPROACHING,
@@ -83,6 +85,11 @@ class Watchdog:
     def __post_init__(self) -> None:
         if not all(0.0 < x < np.inf for x in (self.localisation, self.scan, self.command)):
             raise ConfigError("ages must be positive and finite", where="watchdog")
+
+    @classmethod
+    def at(cls, scan_s: float) -> Self:
+        """For a lidar that scans every `scan_s` seconds: two scans in a row may be lost, and the third be late."""
+        return cls(scan=LATE + MISSED * scan_s)
 
     def fault(self, x: Inputs, *, sees: bool = True) -> Reason | None:
         """What is missing, too old, from the future or not finite; None if all is well. `sees`: scans are due."""

@@ -136,7 +136,10 @@ def ground_robot(
     own = navigator(used, put, EPOCH, world, flies=False, robot=robot, base=base)
     mount = np.zeros(3) if lidar is None else _mount(lidar)
     late = Reaction(seconds=drive_lag(base))
-    return Ground(navigator=own, driver=driver, lidar=mount, others=others, reaction=late, period_s=period_s)
+    every = 0.1 if lidar is None else 1.0 / lidar.rate_hz
+    return Ground(
+        navigator=own, driver=driver, lidar=mount, scan_s=every, others=others, reaction=late, period_s=period_s
+    )
 
 
 def path_planner(section: DrivePart, routes: RouteGraph | None, speed: float, width: float) -> GlobalPlanner:

@@ -14,7 +14,7 @@ from outrider.data.footprint import Footprint
 from outrider.data.scan import Scan
 from outrider.mapping.layers import Other
 from outrider.safety.monitor import Monitor
-from outrider.safety.stage import Held, Inputs, Reason, SafetyStage
+from outrider.safety.stage import Held, Inputs, Reason, SafetyStage, Watchdog
 from outrider.safety.stage import Scan as RawScan
 from outrider.team.courtesy import gives_way, rank
 from outrider.team.driver import Answer, Driver
@@ -32,15 +32,16 @@ GONE_S: Final = 3.0  # s after which what another robot said of its place is too
 class Ground:
     """A robot that drives on its own estimate.
 
-    lidar : (3,) pose of the lidar in the body: forward, left [m], turned by [rad];  blind : m, what it sees of its own
-    robot;  others : the footprint that other robots are taken to have;  reaction : how late the base does what it is
-    told;  period_s : between commands;  safety : what every command passes, by default the limits of the driver's base,
-    its footprint, and no zones.
+    lidar : (3,) pose of the lidar in the body: forward, left [m], turned by [rad];  scan_s : s between its scans;
+    blind : m, what it sees of its own robot;  others : the footprint that other robots are taken to have;  reaction :
+    how late the base does what it is told;  period_s : s from command to command;  safety : what every command passes,
+    by default the limits of the driver's base, its footprint, no zones, and a watchdog for scans at that rate.
     """
 
     navigator: Navigator
     driver: Driver
     lidar: Floats = field(default_factory=lambda: np.zeros(3))
+    scan_s: float = 0.1
     blind: float = 0.05
     others: Footprint | None = None
     reaction: Reaction = field(default_factory=lambda: Reaction(seconds=0.0))
@@ -54,7 +55,9 @@ class Ground:
         if self.safety is None:
             late = max(0.2, self.reaction.seconds + self.period_s)
             monitor = Monitor(footprint=self.driver.footprint, reaction=late) if self.driver.sees else None
-            self.safety = SafetyStage(limits=self.driver.limits, monitor=monitor, period=self.period_s)
+            self.safety = SafetyStage(
+                limits=self.driver.limits, monitor=monitor, watchdog=Watchdog.at(self.scan_s), period=self.period_s
+            )
 
     @property
     def interventions(self) -> dict[Reason, tuple[int, int]]:
