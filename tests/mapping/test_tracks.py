@@ -122,12 +122,31 @@ def test_who_stops_stands_in_the_costmap_and_who_goes_on_moves_again() -> None:
     assert len(found[-1]) == 1
 
 
+@pytest.mark.compiled
+@pytest.mark.parametrize("bearing", [0.0, 0.8, 1.6, 2.4, 3.1])
+def test_who_stood_and_sets_off_is_known_to_soon_and_until_then_where_to(bearing: float) -> None:
+    """0.4 s after he does, whichever way; while he stands, by the way he came."""
+    way = np.array([np.cos(bearing), np.sin(bearing)])
+
+    def walker(t: float) -> Floats:
+        gone = 1.4 * min(t, 2.0) + 1.4 * max(t - 5.0, 0.0)
+        return np.array([[*([3.5, 0.5] + (gone - 2.8) * way), 0.3]])
+
+    tracker, _, found = followed(straight(50), walker, NOTHING)
+    ((*_, vx, vy),) = tracker.standing()
+    assert np.dot([vx, vy], way) > 0.95
+    *_, found = followed(straight(60), walker, NOTHING)
+    known = [k for k, d in enumerate(found) if len(d) and k > 50]
+    assert known[0] <= 54
+    assert not any(len(d) for d in found[30:51])
+
+
 def test_the_filter_is_the_kalman_filter_of_the_book() -> None:
     """A constant-velocity model with white acceleration, one axis at a time, against F P F' + Q and the Joseph form."""
     tracker, s, dt, r = Tracker(), Tracking(), 0.1, 0.01
     P = np.array([[0.04, 0.03], [0.03, 0.5]])
     x = np.array([1.0, 0.7])
-    rows = (np.array([[1.0, 2.0, 0.7, -0.4]]), np.array([[P[0, 0], P[0, 1], P[1, 1]]]))
+    rows = (np.array([[1.0, 2.0, 0.7, -0.4]]), np.array([[P[0, 0], P[0, 1], P[1, 1]]]), np.zeros((1, 2)))
     tracker._all = Tracks(*rows, np.ones(1), np.zeros(1), np.zeros(1, np.int64), np.zeros(1, np.bool_))
     tracker._time = 0.0
     tracker._predict(dt)

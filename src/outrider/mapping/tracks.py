@@ -17,7 +17,7 @@ from outrider.typing import Bools, Floats, Ints
 CLUSTER: Final = 4  # x, y, radius [m] of a disc, variance of its place [m^2]
 
 FEWEST: Final = 3  # returns of a thing that is followed
-AROUND: Final = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
+ABOUT: Final = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])  # in the direction of motion: not behind
 
 
 @final
@@ -53,11 +53,13 @@ class Tracking:
 @dataclass(slots=True)
 class Tracks:
     """Rows of what is followed. x : (n, 4) place and velocity;  P : (n, 3) variance of the place, covariance, variance
-    of the velocity, the same along both axes;  radius : (n,) m;  seen : (n,) s;  streak : (n,) scans in a row that
-    speak against what it is taken for;  moving : (n,)."""
+    of the velocity, the same along both axes;  way : (n, 2) unit vector along which it last moved, 0 if it never did;
+    radius : (n,) m;  seen : (n,) s;  streak : (n,) scans in a row that speak against what it is taken for;
+    moving : (n,)."""
 
     x: Floats
     P: Floats
+    way: Floats
     radius: Floats
     seen: Floats
     streak: Ints
@@ -66,8 +68,8 @@ class Tracks:
     @classmethod
     def none(cls) -> "Tracks":
         """Nothing yet."""
-        rows = np.zeros(0)
-        return cls(np.zeros((0, 4)), np.zeros((0, 3)), rows, rows, np.zeros(0, np.int64), np.zeros(0, np.bool_))
+        rows, way = np.zeros(0), np.zeros((0, 2))
+        return cls(np.zeros((0, 4)), np.zeros((0, 3)), way, rows, rows, np.zeros(0, np.int64), np.zeros(0, np.bool_))
 
     def kept(self, rows: Bools) -> "Tracks":
         """Some of them."""
@@ -80,6 +82,7 @@ class Tracks:
         return Tracks(
             x=np.vstack([self.x, np.column_stack([z[:, :2], np.zeros((m, 2))])]),
             P=np.vstack([self.P, P]),
+            way=np.vstack([self.way, np.zeros((m, 2))]),
             radius=np.concatenate([self.radius, z[:, 2]]),
             seen=np.concatenate([self.seen, np.full(m, t_s)]),
             streak=np.concatenate([self.streak, np.zeros(m, np.int64)]),
@@ -116,9 +119,9 @@ class Tracker:
         return np.column_stack([a.x[:, :2] + ahead * a.x[:, 2:], a.radius + self._settings.margin, a.x[:, 2:]])
 
     def standing(self) -> Floats:
-        """(n, 5) the same of what is followed and does not move, as wide as it looks."""
+        """(n, 5) x, y, radius [m] of what is followed and does not move, and its unit vector `Tracks.way`."""
         a = self._all.kept(~self._all.moving)
-        return np.column_stack([a.x[:, :2], a.radius, np.zeros((len(a.x), 2))])
+        return np.column_stack([a.x[:, :2], a.radius, a.way])
 
     def _predict(self, t_s: float) -> None:
         dt = max(t_s - self._time, 0.0) if len(self._all.x) else 0.0
@@ -140,11 +143,14 @@ class Tracker:
         a.radius[row] += 0.3 * (z[:, 2] - a.radius[row])
         a.seen[row] = t_s
         speed, moving = np.hypot(a.x[row, 2], a.x[row, 3]), a.moving[row]
-        around = (z[:, None, :2] + s.gap * AROUND).reshape(-1, 2)
-        open_ = passed(around).reshape(-1, len(AROUND)).all(axis=1)
+        way = a.x[row, 2:] / np.maximum(speed, 1e-9)[:, None]
+        beside = np.column_stack([-way[:, 1], way[:, 0]])
+        about = ABOUT[:, :1] * way[:, None] + ABOUT[:, 1:] * beside[:, None]
+        open_ = passed((z[:, None, :2] + s.gap * about).reshape(-1, 2)).reshape(-1, len(ABOUT)).all(axis=1)
         goes = open_ & (speed > s.starts) & (speed > s.sure * np.sqrt(a.P[row, 2]))
         streak = np.where(np.where(moving, speed < s.stops, goes), a.streak[row] + 1, 0)
         turns = streak >= s.scans
+        a.way[row] = np.where((moving & (speed > s.starts))[:, None], way, a.way[row])
         a.moving[row], a.streak[row] = moving ^ turns, np.where(turns, 0, streak)
 
     def _without_moving(self, scan: Scan) -> Scan:

@@ -15,6 +15,7 @@ from outrider.team.navigator import Fused
 from outrider.typing import Floats
 
 ALONE: Final = 0.4  # m of open ground about what stands alone
+AHEAD: Final = (0.4, 0.8)  # m that who goes on the way he came has gone by the time that he is known to move
 RING: Final = np.column_stack([f(np.arange(8) * np.pi / 4) for f in (np.cos, np.sin)])
 
 
@@ -69,9 +70,17 @@ class Sight:
         return Surroundings(discs=np.vstack([self._tracker.discs(t_s), told]), wary=self._wary(), field=field)
 
     def _wary(self) -> Floats:
-        """(m, 5) what stands alone and is not drawn: it may be somebody, who may set off."""
+        """(m, 5) what stands alone and is not drawn: it may be somebody, who may set off.
+
+        Who was seen to walk is taken to go on that way, so there are more places before him than behind.
+        """
         discs = self._tracker.standing()
         edge = discs[:, None, :2] + discs[:, None, 2:3] * RING
         drawn = self._map.drawn(edge.reshape(-1, 2)).reshape(-1, len(RING)).any(axis=1)
         beside = self._map.taken((edge + ALONE * RING).reshape(-1, 2)).reshape(-1, len(RING)).any(axis=1)
-        return discs[~(drawn | beside)]
+        alone = discs[~(drawn | beside)]
+        walked = alone[alone[:, 3:].any(axis=1)]
+        way = np.column_stack([walked[:, 3:], np.zeros((len(walked), 3))])
+        out = np.vstack([alone, *(walked + d * way for d in AHEAD)])
+        out[:, 3:] = 0.0
+        return out

@@ -15,7 +15,7 @@ import numpy as np
 from outrider.data.driving import Conflict, DriveLimits, LocalOutcome, LocalPlan, LocalPlanner, Situation, Steering
 from outrider.data.footprint import Footprint
 from outrider.data.surroundings import DistanceField
-from outrider.safety.stopping import saturated, smoothed
+from outrider.safety.stopping import saturated
 from outrider.typing import Floats
 
 STANDS: Final = 0.1  # m/s, slower than anybody walks
@@ -82,7 +82,7 @@ class Yielding:
         taken = _touches(now.surroundings.field, motions, now.pose, self.footprint.inscribed)
         change = np.hypot(*(wanted[:, :2] - plan.twist[:2]).T) + 0.3 * np.abs(wanted[:, 2] - plan.twist[2])
         best = int(np.argmin(100.0 * taken + 20.0 * np.maximum(short, 0.0) + change))
-        twist = saturated(smoothed(wanted[best], now.twist, self.limits, s.period), self.limits)
+        twist = saturated(_ramps(now.twist, wanted[best, None], self.limits, np.array([s.period]))[0, 0], self.limits)
         disc = moving[who[0]]
         conflict = Conflict(0, now.pose, 0.0, int(np.flatnonzero((discs == disc).all(axis=1))[0]), disc[:2])
         return replace(plan, outcome=LocalOutcome.GIVE_WAY, twist=twist, conflict=conflict)
@@ -90,12 +90,10 @@ class Yielding:
     def _motions(self, now: Situation, wanted: Floats, t: Floats, hold: float) -> Floats:
         """(k, n, 3) poses at times t (n,): to each of the twists (k, 3), held until `hold` [s], then to rest."""
         s, limits = self.settings, self.limits
-        up = _seconds(wanted - now.twist, limits, limits.acceleration)
         down = _seconds(wanted, limits, limits.deceleration)
         fine = np.arange(0.0, s.horizon, 0.5 * s.step) + 0.25 * s.step
-        rise = np.minimum(fine / np.maximum(up, 1e-9)[:, None], 1.0)
-        fall = np.clip(1.0 - (fine - np.maximum(hold, up)[:, None]) / np.maximum(down, 1e-9)[:, None], 0.0, 1.0)
-        u = (now.twist + rise[..., None] * (wanted - now.twist)[:, None]) * fall[..., None]
+        fall = np.clip(1.0 - (fine - hold) / np.maximum(down, 1e-9)[:, None], 0.0, 1.0)
+        u = _ramps(now.twist, wanted, limits, fine) * fall[..., None]
         heading = now.pose[2] + np.cumsum(u[..., 2], axis=1) * 0.5 * s.step
         c, k = np.cos(heading), np.sin(heading)
         x = now.pose[0] + np.cumsum(c * u[..., 0] - k * u[..., 1], axis=1) * 0.5 * s.step
@@ -111,6 +109,18 @@ class Yielding:
         missing = np.where(missing > 0.0, missing * (1.0 - 0.5 * t / s.horizon)[None, :, None], missing)
         worst = missing.max(axis=1)
         return worst.max(axis=1), worst.argmax(axis=1)
+
+
+def _ramps(twist: Floats, wanted: Floats, limits: DriveLimits, t: Floats) -> Floats:
+    """(k, n, 3) twists at times t (n,) on the way to `wanted` (k, 3), each axis as fast as it may by itself."""
+    speed_up = np.array([limits.acceleration, limits.acceleration, limits.turn_acceleration])
+    slow_down = np.array([limits.deceleration, limits.deceleration, limits.turn_acceleration])
+    change = wanted - twist
+    slower = np.where(twist * change < 0.0, np.minimum(np.abs(change), np.abs(twist)), 0.0)  # this part of it
+    first = t[:, None] * slow_down
+    late = np.maximum(t[:, None] - (slower / slow_down)[:, None], 0.0) * speed_up
+    gone = np.minimum(first, slower[:, None]) + np.minimum(late, (np.abs(change) - slower)[:, None])
+    return twist + np.sign(change)[:, None] * gone
 
 
 def _seconds(change: Floats, limits: DriveLimits, rate: float) -> Floats:
