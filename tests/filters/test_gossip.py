@@ -66,9 +66,9 @@ class Team:
         z = np.zeros(8)
         z[1:4], z[7] = self.truth[j, step, :3] - self.truth[i, step, :3] + 0.1 * self.rng.normal(size=3), 1.0
         self.serial += 1
-        for m in (i, j):
+        for m, partner in ((i, j), (j, i)):
             self.mates[m].own.run(step * STEP)
-            self.mates[m].close()
+            self.mates[m].close(partner)
         return Relative(observer=i, observed=j, t=step * STEP, serial=self.serial, code=int(Sensor.RELATIVE_POSE),
                         theta=SEEN.theta(), z=z, r=VARIANCES)  # fmt: skip
 

@@ -104,18 +104,19 @@ class Ledger:
         e = self._errors[robot]
         return self.joint.belief.x[self._states[robot]].copy(), self.joint.belief.P[e, e].copy()
 
-    def apart(self, s: Segment) -> float:
-        """How far a robot says it is from where it should be at its last node [chi-square]; 0 for a robot that says
-        what is known of it."""
-        e, P = self._errors[s.robot], self.joint.belief.P
-        d = self._step(s.x_start, s.robot)
-        used = np.diag(P)[e] > 0.0
-        return float(d[used] @ np.linalg.solve(P[e, e][np.ix_(used, used)], d[used])) if used.any() else 0.0
+    def begin_anew(self, robot: int, times: float) -> None:
+        """Forget what is known of one robot but for its place: so many times its first covariance, and nothing shared
+        with others."""
+        e, P = self._errors[robot], self.joint.belief.P
+        first = self.joint.members[robot].belief.P
+        fresh = times * first + P[e, e]
+        P[e], P[:, e] = 0.0, 0.0
+        P[e, e] = fresh
 
     def advance(self, s: Segment, *, trusted: bool = True) -> Outcome:
         """Take one robot from its last node, where the segment starts, to the next.
 
-        Unless `trusted`, what the segment says is judged; if it is too far from what is known, nothing changes.
+        Unless `trusted`, what the segment says is judged; if it is too far from what is known, it is left out.
         """
         m, e, b = s.robot, self._errors[s.robot], self.joint.belief
         shift = self._step(s.x_start, m)
@@ -126,7 +127,7 @@ class Ledger:
         if y.size:
             outcome = judged(S, y, np.full(y.size + 1, np.inf) if trusted else self._gate(y.size))
             if outcome.verdict is not Verdict.USED:
-                return outcome
+                y, PH, S = y[:0], PH[:, :0], S[:0, :0]
         dx = self._condition(PH, S, y)
         self._turn(m, shift)
         moved = s.G @ (dx[e] - shift) + s.c
@@ -139,13 +140,13 @@ class Ledger:
         self.node[m] = s.end
         return outcome
 
-    def relate(self, record: Relative) -> Outcome:
-        """Tie two robots, both at the node of the record."""
+    def relate(self, record: Relative, *, fuse: bool = True) -> Outcome:
+        """Tie two robots, both at the node of the record; without `fuse` only judge it."""
         y, H, r = self.linearised(record)
         PH = self.joint.belief.P @ H.T
         S = H @ PH + np.diag(r)
         outcome = judged(S, y, self.joint.group.gate)
-        if outcome.verdict is Verdict.USED:
+        if fuse and outcome.verdict is Verdict.USED:
             self._correct(self._condition(PH, S, y))
         return outcome
 

@@ -142,6 +142,15 @@ class Filter:
         )  # fmt: skip
         self._next = last
 
+    def snapshot(self) -> tuple[Floats, Floats, int]:
+        """The input in force and how many records were taken, to come back to."""
+        return self.belief.u.copy(), self.belief.fed.copy(), self._next
+
+    def restore(self, kept: tuple[Floats, Floats, int], clock: float) -> None:
+        """Go back to a snapshot of the time `clock` [s]; state and covariance are for the caller to set."""
+        self.belief.u[...], self.belief.fed[...], self._next = kept
+        self.belief.clock[0] = clock
+
     def view(self) -> tuple[Floats, Floats]:
         """Kinematic view k of the one member, and its Jacobian K (T_SIZE, n)."""
         group.look(self.group, self.belief, self.work, 0)
