@@ -115,28 +115,116 @@ def fuse_team(
     that sees itself, a sensor that cannot look at a robot; `DataError` for a covariance that is none, or times that
     run backwards.
     """
+    ready = prepare(members, sources, method, t, shared=shared, start=start, false_alarm=false_alarm)
+    if method is Method.JOINT:
+        filters = [Filter(members, sources, ready.records, ready.at, ready.start, gate=ready.gate)]
+        _correlate(filters[0], ready.common)
+        filters[0].run(ready.end)
+        out = filters[0].out
+    else:
+        filters, out = _apart(ready, method)
+    return ready.estimate(method, filters, out)
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Prepared:
+    """Checked members, sources and records of a team, and a filter of each robot's own where they are apart.
+
+    records : by time;  owner, whom : (sources,) who measured whom, -1: nobody;  filters, rows : of each robot, with its
+    own records and where these are among all
+    """
+
+    members: Sequence[Member]
+    sources: Sequence[Source]
+    records: Records
+    at: Floats
+    start: float
+    end: float
+    gate: Floats
+    common: Sequence[tuple[int, int, Floats]]
+    owner: Ints
+    whom: Ints
+    filters: Sequence[Filter]
+    rows: Sequence[Ints]
+
+    def meetings(self) -> list[int]:
+        """Relative records by time; of times before one of the two has begun none."""
+        out: list[int] = []
+        for e in np.flatnonzero(self.whom[self.records.source] >= 0).tolist():
+            pair = self._pair(e)
+            if float(self.records.t[e]) >= max(self.start, *(self.members[m].start for m in pair)):
+                out.append(e)
+        return out
+
+    def _pair(self, e: int) -> tuple[int, int]:
+        k = int(self.records.source[e])
+        return int(self.owner[k]), int(self.whom[k])
+
+    def relative(self, e: int) -> Relative:
+        """Record e, of one robot by another."""
+        (i, j), sensor = self._pair(e), self.sources[int(self.records.source[e])].sensor
+        assert sensor is not None
+        return Relative(
+            observer=i, observed=j, t=float(self.records.t[e]), serial=e, code=int(sensor.code), theta=sensor.theta(),
+            z=self.records.z[e], r=self.records.r[e],
+        )  # fmt: skip
+
+    def mates(self, patience: float = np.inf) -> list[Teammate]:
+        """Everybody with a ledger of the team."""
+        out: list[Teammate] = []
+        for i, f in enumerate(self.filters):
+            team = Filter(self.members, [], NO_RECORDS, np.zeros(0), self.start, gate=self.gate)
+            _correlate(team, self.common)
+            out.append(Teammate(i, f, team, self.start, patience=patience))
+        return out
+
+    def finish(self, out: Floats) -> None:
+        """Run everybody to the end; out (records, 3) <- what became of each robot's own records."""
+        for f, rows in zip(self.filters, self.rows, strict=True):
+            f.run(self.end)
+            out[rows] = f.out
+
+    def estimate(self, method: Method, filters: Sequence[Filter], out: Floats) -> TeamEstimate:
+        """The result; out (records, 3) verdict, NIS, degrees of freedom."""
+        x, P = _split(self.members, filters)
+        return TeamEstimate(
+            method=method, members={m.name: m for m in self.members}, t=self.at, x=x, P=P, source=self.records.source,
+            verdict=out[:, 0].astype(np.int64), nis=out[:, 1], dof=np.nan_to_num(out[:, 2]).astype(np.int64),
+        )  # fmt: skip
+
+
+def prepare(
+    members: Sequence[Member],
+    sources: Sequence[Source],
+    method: Method,
+    t: Floats,
+    *,
+    shared: Sequence[Shared] = (),
+    start: float | None = None,
+    false_alarm: float = FALSE_ALARM,
+) -> Prepared:
+    """What `fuse_team` starts from, for those who let robots meet in a way of their own."""
     names = [m.name for m in members]
     _check_members(members, names)
     for s in sources:
         _check_source(s, names)
-    common = [_common(s, members, names) for s in shared]
-    used = [k for k, s in enumerate(sources) if _has(method, s)]
-    records = _records(sources, used)
+    records = _records(sources, [k for k, s in enumerate(sources) if _has(method, s)])
     first = start if start is not None else float(records.t[0]) if records.t.size else 0.0
-    at = np.ascontiguousarray(t, np.float64)
-    gate = gates(false_alarm)
+    at, gate = np.ascontiguousarray(t, np.float64), gates(false_alarm)
     end = max(at[-1] if at.size else first, records.t[-1] if records.t.size else first) + 1e-9
-    if method is Method.JOINT:
-        filters = [Filter(members, sources, records, at, first, gate=gate)]
-        _correlate(filters[0], common)
-        filters[0].run(end)
-        out = filters[0].out
-    else:
-        filters, out = _apart(members, sources, method, records, at, (first, end), gate, common)
-    x, P = _split(members, filters)
-    return TeamEstimate(
-        method=method, members={m.name: m for m in members}, t=at, x=x, P=P, source=records.source,
-        verdict=out[:, 0].astype(np.int64), nis=out[:, 1], dof=np.nan_to_num(out[:, 2]).astype(np.int64),
+    owner = np.array([names.index(s.robot) for s in sources], np.int64)
+    whom = np.array([names.index(s.partner) if s.partner else -1 for s in sources], np.int64)
+    rows = [np.flatnonzero((whom[records.source] < 0) & (owner[records.source] == i)) for i in range(len(members))]
+    filters: list[Filter] = []
+    for i, m in enumerate(members) if method is not Method.JOINT else ():
+        own = np.flatnonzero((owner == i) & (whom < 0))
+        part = Records(t=records.t[rows[i]], source=np.searchsorted(own, records.source[rows[i]]).astype(np.int64),
+                       z=records.z[rows[i]], r=records.r[rows[i]])  # fmt: skip
+        filters.append(Filter([m], [sources[k] for k in own], part, at, first, gate=gate, carries=method.carries))
+    return Prepared(
+        members=members, sources=sources, records=records, at=at, start=first, end=end, gate=gate,
+        common=[_common(s, members, names) for s in shared], owner=owner, whom=whom, filters=filters, rows=rows,
     )  # fmt: skip
 
 
@@ -145,64 +233,27 @@ def _has(method: Method, s: Source) -> bool:
     return (method.shares or not s.partner) and (s.navigation or method is not Method.NONE)
 
 
-def _apart(
-    members: Sequence[Member],
-    sources: Sequence[Source],
-    method: Method,
-    records: Records,
-    at: Floats,
-    span: tuple[float, float],
-    gate: Floats,
-    common: Sequence[tuple[int, int, Floats]],
-) -> tuple[list[Filter], Floats]:
+def _apart(ready: Prepared, method: Method) -> tuple[Sequence[Filter], Floats]:
     """Every robot has a filter of its own, and they meet. Each runs only when it meets somebody, and at the end."""
-    names = [m.name for m in members]
-    owner = np.array([names.index(s.robot) for s in sources], np.int64)
-    whom = np.array([names.index(s.partner) if s.partner else -1 for s in sources], np.int64)
-    alone = whom[records.source] < 0
-    filters: list[Filter] = []
-    mine: list[Ints] = []
-    for i, m in enumerate(members):
-        mine.append(np.flatnonzero(alone & (owner[records.source] == i)))
-        own = [k for k, s in enumerate(sources) if s.robot == m.name and not s.partner]
-        number = {k: n for n, k in enumerate(own)}
-        part = Records(
-            t=records.t[mine[i]], source=np.array([number[k] for k in records.source[mine[i]].tolist()], np.int64),
-            z=records.z[mine[i]], r=records.r[mine[i]],
-        )  # fmt: skip
-        filters.append(Filter([m], [sources[k] for k in own], part, at, span[0], gate=gate, carries=method.carries))
-    for i, j, C in common if method in (Method.FACTORED, Method.DISTRIBUTED) else ():
+    filters = ready.filters
+    for i, j, C in ready.common if method in (Method.FACTORED, Method.DISTRIBUTED) else ():
         filters[i].factors[j], filters[j].factors[i] = C, np.eye(C.shape[1])
         for robot in (filters[i], filters[j]):
             robot.before[...] = robot.belief.P
-    mates: list[Teammate] = []
-    if method is Method.DISTRIBUTED and len(members) <= TEAM:
-        for i, f in enumerate(filters):
-            team = Filter(members, [], NO_RECORDS, np.zeros(0), span[0], gate=gate)
-            _correlate(team, common)
-            mates.append(Teammate(i, f, team, span[0]))
-    out = np.full((records.t.size, 3), np.nan)
-    models = {k: (s.sensor.theta(), int(s.sensor.code)) for k, s in enumerate(sources) if s.partner and s.sensor}
-    for e in np.flatnonzero(~alone).tolist():
-        k = int(records.source[e])
-        i, j, now = int(owner[k]), int(whom[k]), float(records.t[e])
-        theta, code = models[k]
-        if now < max(span[0], members[i].start, members[j].start):
-            out[e] = Verdict.NOT_ALIGNED, np.nan, 0
-            continue
-        filters[i].run(now)
-        filters[j].run(now)
+    mates = ready.mates() if method is Method.DISTRIBUTED and len(filters) <= TEAM else []
+    out = np.full((ready.records.t.size, 3), np.nan)
+    out[ready.whom[ready.records.source] >= 0] = Verdict.NOT_ALIGNED, np.nan, 0
+    for e in ready.meetings():
+        seen = ready.relative(e)
+        i, j = seen.observer, seen.observed
+        filters[i].run(seen.t)
+        filters[j].run(seen.t)
         if mates:
-            seen = Relative(
-                observer=i, observed=j, t=now, serial=e, code=code, theta=theta, z=records.z[e], r=records.r[e]
-            )
             meet(mates[i], mates[j], [seen])
             out[e] = mates[i].outcomes[seen.key]
         else:
-            out[e] = _meet(method, filters, i, j, code, theta, records.z[e], records.r[e])
-    for f, rows in zip(filters, mine, strict=True):
-        f.run(span[1])
-        out[rows] = f.out
+            out[e] = _meet(method, filters, i, j, seen.code, seen.theta, seen.z, seen.r)
+    ready.finish(out)
     return filters, out
 
 

@@ -92,7 +92,7 @@ class Teammate:
         """A relative record, of its own or heard, that is to be used once both chains have reached it."""
         if record.key not in self._records and record.key not in self.outcomes:
             self._records[record.key] = record
-            meeting = (record.t, *sorted((record.observer, record.observed)))
+            meeting = record.meeting
             self._meet(meeting)
             if meeting in self._waiting:
                 self._waiting[meeting].append(record)

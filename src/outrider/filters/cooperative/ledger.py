@@ -71,6 +71,11 @@ class Relative:
         """Tells it from others; keys sort by time."""
         return self.t, self.observer, self.observed, self.serial
 
+    @property
+    def meeting(self) -> tuple[float, int, int]:
+        """Its time, and both robots, the lower number first."""
+        return self.t, min(self.observer, self.observed), max(self.observer, self.observed)
+
 
 def close(robot: Filter, number: int, start: float, x_start: Floats) -> Segment:
     """What `robot`, which carries, has come to since its last node. It has run up to its clock, the new node."""
@@ -127,7 +132,7 @@ class Ledger:
         if y.size:
             outcome = judged(S, y, np.full(y.size + 1, np.inf) if trusted else self._gate(y.size))
             if outcome.verdict is not Verdict.USED:
-                y, PH, S = y[:0], PH[:, :0], S[:0, :0]
+                y = y[:0]
         dx = self._condition(PH, S, y)
         self._turn(m, shift)
         moved = s.G @ (dx[e] - shift) + s.c
