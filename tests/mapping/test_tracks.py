@@ -13,7 +13,23 @@ from outrider.errors import ConfigError
 from outrider.mapping.inflation import Inflation
 from outrider.mapping.layers import LayeredCostmap
 from outrider.mapping.obstacles import Marking
-from outrider.mapping.tracks import CLUSTER, Tracker, Tracking, Tracks, associated, clusters
+from outrider.mapping.tracks import (
+    CLUSTER,
+    RADIUS,
+    TRACK,
+    VX,
+    VY,
+    C,
+    P,
+    Tracker,
+    Tracking,
+    V,
+    X,
+    Y,
+    associated,
+    clusters,
+    fresh,
+)
 from outrider.typing import Floats
 
 BEARINGS = np.linspace(-np.pi, np.pi, 360, endpoint=False)
@@ -144,20 +160,20 @@ def test_who_stood_and_sets_off_is_known_to_soon_and_until_then_where_to(bearing
 def test_the_filter_is_the_kalman_filter_of_the_book() -> None:
     """A constant-velocity model with white acceleration, one axis at a time, against F P F' + Q and the Joseph form."""
     tracker, s, dt, r = Tracker(), Tracking(), 0.1, 0.01
-    P = np.array([[0.04, 0.03], [0.03, 0.5]])
+    cov = np.array([[0.04, 0.03], [0.03, 0.5]])
     x = np.array([1.0, 0.7])
-    rows = (np.array([[1.0, 2.0, 0.7, -0.4]]), np.array([[P[0, 0], P[0, 1], P[1, 1]]]), np.zeros((1, 2)))
-    tracker._all = Tracks(*rows, np.ones(1), np.zeros(1), np.zeros(1, np.int64), np.zeros(1, np.bool_))
+    tracker._all = np.zeros((1, TRACK))
+    tracker._all[0, [X, Y, VX, VY, P, C, V, RADIUS]] = [1.0, 2.0, 0.7, -0.4, cov[0, 0], cov[0, 1], cov[1, 1], 1.0]
     tracker._time = 0.0
     tracker._predict(dt)
     tracker._correct(dt, np.array([0]), np.array([[1.2, 1.9, 0.3, r]]), lambda p: np.ones(len(p), np.bool_))
     F, G, H = np.array([[1.0, dt], [0.0, 1.0]]), np.array([[0.5 * dt * dt], [dt]]), np.array([[1.0, 0.0]])
-    x, P = F @ x, F @ P @ F.T + s.acceleration**2 * G @ G.T
-    K = P @ H.T / (H @ P @ H.T + r)
+    x, cov = F @ x, F @ cov @ F.T + s.acceleration**2 * G @ G.T
+    K = cov @ H.T / (H @ cov @ H.T + r)
     A = np.eye(2) - K @ H
-    x, P = x + (K * (1.2 - x[0])).ravel(), A @ P @ A.T + r * K @ K.T
-    np.testing.assert_allclose(tracker._all.x[0, [0, 2]], x, rtol=1e-12)
-    np.testing.assert_allclose(tracker._all.P[0], [P[0, 0], P[0, 1], P[1, 1]], rtol=1e-12)
+    x, cov = x + (K * (1.2 - x[0])).ravel(), A @ cov @ A.T + r * K @ K.T
+    np.testing.assert_allclose(tracker._all[0, [X, VX]], x, rtol=1e-12)
+    np.testing.assert_allclose(tracker._all[0, [P, C, V]], [cov[0, 0], cov[0, 1], cov[1, 1]], rtol=1e-12)
 
 
 @given(st.lists(st.tuples(st.floats(-5, 5), st.floats(-5, 5)), min_size=0, max_size=6), st.integers(0, 2**31))
@@ -169,8 +185,8 @@ def test_everybody_keeps_his_track(places: list[tuple[float, float]], seed: int)
     z = np.column_stack([p.reshape(-1, 2), np.full((len(p), 2), 0.01)])
     assert z.shape[1] == CLUSTER
     order = rng.permutation(len(z))
-    row, col = associated(Tracks.none().with_new(0.0, z), z[order] + [0.05, 0.0, 0.0, 0.0], 13.8)
-    assert len(row) == len(z) and (order[col] == row).all()
+    found = associated(fresh(0.0, z), z[order] + [0.05, 0.0, 0.0, 0.0], 13.8)
+    assert len(found) == len(z) and (order == found).all()
 
 
 def test_scans_without_a_word_and_with_things_around_the_back() -> None:

@@ -6,18 +6,26 @@ sees from another side as it drives never stands on ground that was seen to be f
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Final, final
+from math import cos, hypot, pi, sin, sqrt
+from typing import Any, Final, NamedTuple, final
 
 import numpy as np
 
+from outrider._kernel import kernel
 from outrider.data.scan import Scan
 from outrider.errors import ConfigError
 from outrider.typing import Bools, Floats, Ints
 
 CLUSTER: Final = 4  # x, y, radius [m] of a disc, variance of its place [m^2]
+# Columns of what is followed: place and velocity; variance of the place, covariance, variance of the velocity, for
+# both axes; unit vector along which it last moved, 0 if it never did; radius [m]; when it was seen [s]; scans in a row
+# that speak against what it is taken for; 1 if it moves.
+X, Y, VX, VY, P, C, V, EAST, NORTH, RADIUS, SEEN, STREAK, MOVING = range(13)
+TRACK: Final = 13
 
 FEWEST: Final = 3  # returns of a thing that is followed
-ABOUT: Final = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])  # in the direction of motion: not behind
+UNKNOWN_SPEED: Final = 1.5  # m/s, standard deviation of the velocity of what was just seen
+ABOUT: Final = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.0, -1.0))  # in the direction of motion: not behind
 
 
 @final
@@ -49,45 +57,19 @@ class Tracking:
             raise ConfigError("impossible numbers", where="tracking", fix="all positive, `stops` no more than `starts`")
 
 
-@final
-@dataclass(slots=True)
-class Tracks:
-    """Rows of what is followed. x : (n, 4) place and velocity;  P : (n, 3) variance of the place, covariance, variance
-    of the velocity, the same along both axes;  way : (n, 2) unit vector along which it last moved, 0 if it never did;
-    radius : (n,) m;  seen : (n,) s;  streak : (n,) scans in a row that speak against what it is taken for;
-    moving : (n,)."""
+class Rules(NamedTuple):
+    """The numbers of `Tracking`, as kernels take them."""
 
-    x: Floats
-    P: Floats
-    way: Floats
-    radius: Floats
-    seen: Floats
-    streak: Ints
-    moving: Bools
-
-    @classmethod
-    def none(cls) -> "Tracks":
-        """Nothing yet."""
-        rows, way = np.zeros(0), np.zeros((0, 2))
-        return cls(np.zeros((0, 4)), np.zeros((0, 3)), way, rows, rows, np.zeros(0, np.int64), np.zeros(0, np.bool_))
-
-    def kept(self, rows: Bools) -> "Tracks":
-        """Some of them."""
-        return Tracks(*(getattr(self, name)[rows] for name in self.__slots__))
-
-    def with_new(self, t_s: float, z: Floats) -> "Tracks":
-        """And one for each of the clusters z (m, CLUSTER), of unknown velocity."""
-        m = len(z)
-        P = np.column_stack([z[:, 3], np.zeros(m), np.full(m, 1.5**2)])
-        return Tracks(
-            x=np.vstack([self.x, np.column_stack([z[:, :2], np.zeros((m, 2))])]),
-            P=np.vstack([self.P, P]),
-            way=np.vstack([self.way, np.zeros((m, 2))]),
-            radius=np.concatenate([self.radius, z[:, 2]]),
-            seen=np.concatenate([self.seen, np.full(m, t_s)]),
-            streak=np.concatenate([self.streak, np.zeros(m, np.int64)]),
-            moving=np.concatenate([self.moving, np.zeros(m, np.bool_)]),
-        )
+    gap: float
+    reach: float
+    widest: float
+    sigma: float
+    acceleration: float
+    gate: float
+    starts: float
+    stops: float
+    scans: int
+    sure: float
 
 
 @final
@@ -95,7 +77,9 @@ class Tracker:
     """Follows what moves, scan by scan."""
 
     def __init__(self, settings: Tracking = Tracking()) -> None:
-        self._settings, self._time, self._all = settings, -np.inf, Tracks.none()
+        s = self._settings = settings
+        self._rules = Rules(*(getattr(s, name) for name in Rules._fields))
+        self._time, self._all = -np.inf, np.empty((0, TRACK))
 
     def look(self, t_s: float, scan: Scan, passed: Callable[[Floats], Bools]) -> Scan:
         """Take in a scan of time t_s [s]; what is left of it for a map of things that stand.
@@ -105,118 +89,225 @@ class Tracker:
         s = self._settings
         z = clusters(scan, s)
         self._predict(t_s)
-        track, cluster = associated(self._all, z, s.gate)
-        self._correct(t_s, track, z[cluster], passed)
-        fresh = np.ones(len(z), np.bool_)
-        fresh[cluster] = False
-        self._all = self._all.kept(t_s - self._all.seen <= s.forget).with_new(t_s, z[fresh])
+        track = associated(self._all, z, s.gate)
+        self._correct(t_s, track, z, passed)
+        self._all = np.concatenate([self._all[t_s - self._all[:, SEEN] <= s.forget], fresh(t_s, z[track < 0])])
         return self._without_moving(scan)
 
     def discs(self, t_s: float) -> Floats:
         """(n, 5) x, y, radius [m], v_x, v_y [m/s] of what moves, carried to t_s."""
-        a = self._all.kept(self._all.moving)
-        ahead = max(t_s - self._time, 0.0) if len(a.x) else 0.0
-        return np.column_stack([a.x[:, :2] + ahead * a.x[:, 2:], a.radius + self._settings.margin, a.x[:, 2:]])
+        a = self._all[self._all[:, MOVING] > 0.0]
+        ahead = max(t_s - self._time, 0.0) if len(a) else 0.0
+        out = a[:, [X, Y, RADIUS, VX, VY]]
+        out[:, :2] += ahead * out[:, 3:]
+        out[:, 2] += self._settings.margin
+        return out
 
     def standing(self) -> Floats:
-        """(n, 5) x, y, radius [m] of what is followed and does not move, and its unit vector `Tracks.way`."""
-        a = self._all.kept(~self._all.moving)
-        return np.column_stack([a.x[:, :2], a.radius, a.way])
+        """(n, 5) x, y, radius [m] of what is followed and does not move, and the unit vector of its last motion."""
+        return self._all[self._all[:, MOVING] == 0.0][:, [X, Y, RADIUS, EAST, NORTH]]
 
     def _predict(self, t_s: float) -> None:
-        dt = max(t_s - self._time, 0.0) if len(self._all.x) else 0.0
+        dt = max(t_s - self._time, 0.0) if len(self._all) else 0.0
         self._time = t_s
-        x, (p, c, v) = self._all.x, self._all.P.T
-        q = self._settings.acceleration**2
-        x[:, :2] += dt * x[:, 2:]
-        p += 2.0 * dt * c + dt * dt * v + 0.25 * q * dt**4
-        c += dt * v + 0.5 * q * dt**3
-        v += q * dt * dt
+        predict(self._all, dt, self._settings.acceleration)
 
-    def _correct(self, t_s: float, row: Ints, z: Floats, passed: Callable[[Floats], Bools]) -> None:
-        """The Kalman step of the tracks that were seen, and what they are taken for from now on."""
-        a, s = self._all, self._settings
-        p, c, v = a.P[row].T
-        innovation, k = z[:, :2] - a.x[row, :2], p / (p + z[:, 3])
-        a.x[row] += np.column_stack([k[:, None] * innovation, (c / (p + z[:, 3]))[:, None] * innovation])
-        a.P[row] = np.column_stack([(1.0 - k) * p, (1.0 - k) * c, v - c * c / (p + z[:, 3])])
-        a.radius[row] += 0.3 * (z[:, 2] - a.radius[row])
-        a.seen[row] = t_s
-        speed, moving = np.hypot(a.x[row, 2], a.x[row, 3]), a.moving[row]
-        way = a.x[row, 2:] / np.maximum(speed, 1e-9)[:, None]
-        beside = np.column_stack([-way[:, 1], way[:, 0]])
-        about = ABOUT[:, :1] * way[:, None] + ABOUT[:, 1:] * beside[:, None]
-        open_ = passed((z[:, None, :2] + s.gap * about).reshape(-1, 2)).reshape(-1, len(ABOUT)).all(axis=1)
-        goes = open_ & (speed > s.starts) & (speed > s.sure * np.sqrt(a.P[row, 2]))
-        streak = np.where(np.where(moving, speed < s.stops, goes), a.streak[row] + 1, 0)
-        turns = streak >= s.scans
-        a.way[row] = np.where((moving & (speed > s.starts))[:, None], way, a.way[row])
-        a.moving[row], a.streak[row] = moving ^ turns, np.where(turns, 0, streak)
+    def _correct(self, t_s: float, track: Ints, z: Floats, passed: Callable[[Floats], Bools]) -> None:
+        """track (m,) : the row of what each cluster is of, -1 for none."""
+        places = np.empty((len(z), len(ABOUT), 2))
+        correct(self._all, track, z, t_s, self._settings.gap, places)
+        open_ = passed(places.reshape(-1, 2)).reshape(-1, len(ABOUT)).all(axis=1)
+        judge(self._all, track, open_.view(np.uint8), self._rules)
 
     def _without_moving(self, scan: Scan) -> Scan:
         """The scan, with no word from beams that end at something that moves."""
-        discs = self.discs(self._time)
+        discs, ranges = self.discs(self._time), np.empty(len(scan.ranges))
         if not len(discs):
             return scan
-        angle = scan.pose[2] + scan.bearings
-        hit = np.isfinite(scan.ranges) & (scan.ranges >= scan.blind)
-        r = np.where(hit, scan.ranges, 0.0)
-        p = scan.pose[:2] + r[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
-        gap = np.hypot(p[:, None, 0] - discs[:, 0], p[:, None, 1] - discs[:, 1]) - discs[:, 2]
-        on = hit & (gap.min(axis=1) < self._settings.gap)
-        return scan if not (scan.usable & ~on).any() else replace(scan, ranges=np.where(on, np.nan, scan.ranges))
+        x, y, heading = scan.pose.tolist()
+        gap = self._settings.gap
+        left = silence(x, y, heading, scan.bearings, scan.ranges, scan.blind, discs, gap, ranges)
+        return replace(scan, ranges=ranges) if left else scan
+
+
+def fresh(t_s: float, z: Floats) -> Floats:
+    """(m, TRACK) one row for each of the clusters z (m, CLUSTER), of unknown velocity."""
+    out = np.zeros((len(z), TRACK))
+    out[:, [X, Y, RADIUS, P]] = z
+    out[:, V], out[:, SEEN] = UNKNOWN_SPEED**2, t_s
+    return out
+
+
+def associated(tracks: Floats, z: Floats, gate: float) -> Ints:
+    """(m,) the row of the track that each cluster is of, -1 for none: the least sum of squared distances, none beyond
+    the gate."""
+    from scipy.optimize import linear_sum_assignment  # slow to import
+
+    out = np.full(len(z), -1)
+    if len(tracks) and len(z):
+        d2 = np.empty((len(tracks), len(z)))
+        distances(tracks, z, gate, d2)
+        row, col = linear_sum_assignment(d2)
+        near = d2[row, col] < gate
+        out[col[near]] = row[near]
+    return out
 
 
 def clusters(scan: Scan, s: Tracking) -> Floats:
     """(m, CLUSTER) discs behind neighbouring returns: as wide as they look, touched by the nearest of them."""
-    hit = np.flatnonzero((scan.ranges >= scan.blind) & (scan.ranges < min(scan.reach, s.reach)))
-    if not len(hit):
-        return np.empty((0, CLUSTER))
-    r, angle = scan.ranges[hit], scan.pose[2] + scan.bearings[hit]
-    p = scan.pose[:2] + r[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
-    step = abs(float(scan.bearings[-1] - scan.bearings[0])) / max(len(scan.bearings) - 1, 1)
-    apart = _apart(hit, p, r, step, s.gap)
-    n, full = len(scan.bearings), step * len(scan.bearings) > 2.0 * np.pi - 0.5 * step
-    if full and apart.any() and hit[0] + n - hit[-1] <= 2:  # around the back
-        apart[0] = bool(np.hypot(*(p[0] - p[-1])) > s.gap + 1.5 * r[0] * step)
-    first = np.flatnonzero(apart)
-    if not len(first):
-        return np.empty((0, CLUSTER))
-    order = np.arange(first[0], first[0] + len(hit)) % len(hit)  # no cluster goes over the end
-    parts = np.split(order, (first - first[0])[1:])
-    out = [_disc(scan, p, r, hit, part, step, s) for part in parts if len(part) >= FEWEST]
-    return np.array([row for row in out if row is not None]).reshape(-1, CLUSTER)
-
-
-def _apart(hit: Ints, p: Floats, r: Floats, step: float, gap: float) -> Bools:
-    """(n,) whether a return is not of the thing of the one before."""
-    far = np.hypot(*np.diff(p, axis=0).T) > gap + 1.5 * step * np.minimum(r[1:], r[:-1])
-    return np.concatenate([[True], far | (np.diff(hit) > 2)])
-
-
-def _disc(scan: Scan, p: Floats, r: Floats, hit: Ints, part: Ints, step: float, s: Tracking) -> list[float] | None:
-    """The disc behind one cluster; None if it is too wide. Half hidden by something nearer, its place is uncertain."""
-    a, b = p[part[0]], p[part[-1]]
-    spacing = step * float(r[part].mean())
-    width = float(np.hypot(*(b - a))) + spacing
-    if width > s.widest:
-        return None
-    seen = 0.5 * (a + b) - scan.pose[:2]
-    away, radius = seen / float(np.hypot(*seen)), 0.5 * width
-    centre = scan.pose[:2] + (float(r[part].min()) + radius) * away
     n = len(scan.ranges)
-    beside = scan.ranges[[(hit[part[0]] - 1) % n, (hit[part[-1]] + 1) % n]]
-    hidden = bool((beside < r[part[[0, -1]]] - s.gap).any())
-    sigma = 5.0 * s.sigma if hidden else s.sigma
-    return [*centre, radius, sigma**2 + spacing**2 / 12.0]
+    hit, p, out = np.empty(n, np.int64), np.empty((n, 3)), np.empty((n // FEWEST, CLUSTER))
+    x, y, heading = scan.pose.tolist()
+    far = min(scan.reach, s.reach)
+    m = group(x, y, heading, scan.bearings, scan.ranges, scan.blind, far, s.gap, s.widest, s.sigma, hit, p, out)
+    return out[:m]
 
 
-def associated(tracks: Tracks, z: Floats, gate: float) -> tuple[Ints, Ints]:
-    """Rows of tracks and of clusters that belong together: the least sum of squared distances, none beyond the gate."""
-    from scipy.optimize import linear_sum_assignment  # slow to import
+@kernel
+def group(
+    x: float, y: float, heading: float, bearings: Floats, ranges: Floats, blind: float, far: float, gap: float,
+    widest: float, sigma: float, hit: Ints, p: Floats, out: Floats,
+) -> int:  # fmt: skip
+    """`clusters`; returns how many.  hit (n), p (n, 3) x, y, range of every return: scratch."""
+    n, k = ranges.size, 0
+    for i in range(n):
+        r = ranges[i]
+        if blind <= r < far:
+            hit[k], p[k, 2] = i, r
+            p[k, 0], p[k, 1] = x + r * cos(heading + bearings[i]), y + r * sin(heading + bearings[i])
+            k += 1
+    if k < FEWEST:
+        return 0
+    step = abs(bearings[n - 1] - bearings[0]) / (n - 1)
+    whole = step * n > 2.0 * pi - 0.5 * step and hit[0] + n - hit[k - 1] <= 2
+    joined = whole and not hypot(p[0, 0] - p[k - 1, 0], p[0, 1] - p[k - 1, 1]) > gap + 1.5 * p[0, 2] * step
+    begin = 1 if joined else 0  # no thing goes over the end
+    while 0 < begin < k and not begins(hit, p, begin, gap, step):
+        begin += 1
+    m, first = 0, begin
+    for i in range(begin + 1, begin + k + 1 if begin < k else 0):
+        if i == begin + k or (i % k > 0 and begins(hit, p, i % k, gap, step)):
+            m += disc(x, y, ranges, hit, p, k, first, i, step, gap, widest, sigma, out[m])
+            first = i
+    return m
 
-    gap = ((tracks.x[:, None, :2] - z[None, :, :2]) ** 2).sum(axis=2)
-    d2 = gap / (tracks.P[:, 0, None] + z[None, :, 3])
-    row, col = linear_sum_assignment(np.minimum(d2, gate))
-    near = d2[row, col] < gate
-    return row[near], col[near]
+
+@kernel
+def begins(hit: Ints, p: Floats, i: int, gap: float, step: float) -> bool:
+    """Whether a return is not of the thing of the one before."""
+    away = gap + 1.5 * step * min(p[i, 2], p[i - 1, 2])
+    return hypot(p[i, 0] - p[i - 1, 0], p[i, 1] - p[i - 1, 1]) > away or hit[i] - hit[i - 1] > 2
+
+
+@kernel
+def disc(
+    x: float, y: float, ranges: Floats, hit: Ints, p: Floats, k: int, first: int, end: int, step: float, gap: float,
+    widest: float, sigma: float, out: Floats,
+) -> bool:  # fmt: skip
+    """out (CLUSTER) <- the disc behind the returns first..end, counted round k of them; False for none.
+
+    Too few or too wide is none; half hidden by something nearer, its place is uncertain.
+    """
+    if end - first < FEWEST:
+        return False
+    total, nearest = 0.0, np.inf
+    for i in range(first, end):
+        total += p[i % k, 2]
+        nearest = min(nearest, p[i % k, 2])
+    a, b, n = first % k, (end - 1) % k, ranges.size
+    spacing = step * (total / (end - first))
+    width = hypot(p[b, 0] - p[a, 0], p[b, 1] - p[a, 1]) + spacing
+    dx, dy = 0.5 * (p[a, 0] + p[b, 0]) - x, 0.5 * (p[a, 1] + p[b, 1]) - y
+    away = hypot(dx, dy)
+    if width > widest or away == 0.0:
+        return False
+    out[2] = 0.5 * width
+    out[0], out[1] = x + (nearest + out[2]) * dx / away, y + (nearest + out[2]) * dy / away
+    hidden = ranges[(hit[a] - 1) % n] < p[a, 2] - gap or ranges[(hit[b] + 1) % n] < p[b, 2] - gap
+    s = 5.0 * sigma if hidden else sigma
+    out[3] = s * s + spacing * spacing / 12.0
+    return True
+
+
+@kernel
+def predict(tracks: Floats, dt: float, acceleration: float) -> None:
+    """Carry all on by dt [s] at constant velocity, with white noise of acceleration [m/s^2]."""
+    q = acceleration * acceleration
+    for i in range(tracks.shape[0]):
+        a = tracks[i]
+        a[X] += dt * a[VX]
+        a[Y] += dt * a[VY]
+        a[P] += 2.0 * dt * a[C] + dt * dt * a[V] + 0.25 * q * dt**4
+        a[C] += dt * a[V] + 0.5 * q * dt**3
+        a[V] += q * dt * dt
+
+
+@kernel
+def distances(tracks: Floats, z: Floats, gate: float, d2: Floats) -> None:
+    """d2 (n, m) <- squared distances between tracks and clusters in standard deviations, `gate` at the most."""
+    for i in range(tracks.shape[0]):
+        for j in range(z.shape[0]):
+            dx, dy = tracks[i, X] - z[j, 0], tracks[i, Y] - z[j, 1]
+            d2[i, j] = min((dx * dx + dy * dy) / (tracks[i, P] + z[j, 3]), gate)
+
+
+@kernel
+def correct(tracks: Floats, track: Ints, z: Floats, t: float, gap: float, places: Floats) -> None:
+    """The Kalman step of what was seen; places (m, ABOUT, 2) <- where beams pass about a cluster that moves."""
+    for j in range(z.shape[0]):
+        for k in range(places.shape[1]):
+            places[j, k, 0], places[j, k, 1] = z[j, 0], z[j, 1]
+        if track[j] < 0:
+            continue
+        a = tracks[track[j]]
+        total = a[P] + z[j, 3]
+        gain, faster = a[P] / total, a[C] / total
+        dx, dy = z[j, 0] - a[X], z[j, 1] - a[Y]
+        a[X] += gain * dx
+        a[Y] += gain * dy
+        a[VX] += faster * dx
+        a[VY] += faster * dy
+        a[P], a[C], a[V] = (1.0 - gain) * a[P], (1.0 - gain) * a[C], a[V] - a[C] * faster
+        a[RADIUS] += 0.3 * (z[j, 2] - a[RADIUS])
+        a[SEEN] = t
+        speed = max(hypot(a[VX], a[VY]), 1e-9)
+        east, north = gap * a[VX] / speed, gap * a[VY] / speed
+        for k in range(places.shape[1]):
+            along, beside = ABOUT[k]
+            places[j, k, 0] += along * east - beside * north
+            places[j, k, 1] += along * north + beside * east
+
+
+@kernel
+def judge(tracks: Floats, track: Ints, open_: Any, s: Rules) -> None:
+    """What those that were seen are taken for from now on. `open_` (m,) : whether beams pass about the cluster."""
+    for j in range(track.size):
+        if track[j] < 0:
+            continue
+        a = tracks[track[j]]
+        speed, moves = hypot(a[VX], a[VY]), a[MOVING] > 0.0
+        goes = open_[j] and speed > s.starts and speed > s.sure * sqrt(a[V])
+        if moves and speed > s.starts:
+            a[EAST], a[NORTH] = a[VX] / max(speed, 1e-9), a[VY] / max(speed, 1e-9)
+        against = speed < s.stops if moves else goes
+        a[STREAK] = a[STREAK] + 1.0 if against else 0.0
+        if a[STREAK] >= s.scans:
+            a[MOVING], a[STREAK] = 1.0 - a[MOVING], 0.0
+
+
+@kernel
+def silence(
+    x: float, y: float, heading: float, bearings: Floats, ranges: Floats, blind: float, discs: Floats, gap: float,
+    out: Floats,
+) -> bool:  # fmt: skip
+    """out (n,) <- ranges, NaN where a beam ends within `gap` of a disc; whether any beam still says something."""
+    left = False
+    for i in range(ranges.size):
+        r = out[i] = ranges[i]
+        if blind <= r < np.inf:
+            px, py = x + r * cos(heading + bearings[i]), y + r * sin(heading + bearings[i])
+            for k in range(discs.shape[0]):
+                if hypot(px - discs[k, 0], py - discs[k, 1]) - discs[k, 2] < gap:
+                    out[i] = np.nan
+        left = left or out[i] >= blind
+    return left
