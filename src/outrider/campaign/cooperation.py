@@ -14,6 +14,8 @@ from outrider.eval import chi_square
 from outrider.filters.cooperative import FALSE_ALARM, Method, TeamEstimate, fuse_team
 from outrider.models.motion import LAYOUTS, Motion
 from outrider.scenarios.inspection import Faults, Tours, Tuning, common, crew, sense, tours
+from outrider.scenarios.radio import Places, fuse_by_radio
+from outrider.sim.radio import Radio
 from outrider.typing import Floats
 
 EVERY_S: Final = 0.1  # of the errors
@@ -27,19 +29,45 @@ PAPER: Final = {
 
 def cooperation(params: Params, seed: int) -> Mapping[str, Any]:
     """One run of 180 s. params : method, fields of `Faults`, and fields of `Tuning` with `tuned_` before their name
-    (`printed`, `printed_odometry`, `consider` and `common_tuning` without).
+    (`printed`, `printed_odometry`, `consider` and `common_tuning` without); loss (share), delay_s, jitter_s of the
+    radio that `distributed` then talks by; without any, telegrams are there at once.
 
     Returns means and spreads over time of errors: position [m], heading, yaw, tilt and attitude [deg], velocity [m/s],
     rate [deg/s]; NEES per degree of freedom of the pose, its mean and once a second.
     """
-    method, faults, tuning = _read(params)
+    given = dict(params)
+    on_air = {name: float(given.pop(name)) for name in ("loss", "delay_s", "jitter_s") if name in given}  # type: ignore[arg-type]
+    method, faults, tuning = _read(given)
     way = tours()
     times = np.arange(1, round(way.t[-1] / EVERY_S) + 1) * EVERY_S
-    done = fuse_team(
-        crew(seed, tuning), sense(seed, faults, tuning), method, times, shared=common(tuning), start=0.0,
-        false_alarm=0.0 if tuning.printed else FALSE_ALARM,
-    )  # fmt: skip
-    return {**_ground(done, way, times), **_air(done, way, times)}
+    false_alarm = 0.0 if tuning.printed else FALSE_ALARM
+    members, sources, shared = crew(seed, tuning), sense(seed, faults, tuning), common(tuning)
+    told: dict[str, float] = {}
+    if not on_air:
+        done = fuse_team(members, sources, method, times, shared=shared, start=0.0, false_alarm=false_alarm)
+    elif method is Method.DISTRIBUTED:
+        radio = Radio(
+            loss=on_air.get("loss", 0.0), latency_s=on_air.get("delay_s", 0.02), jitter_s=on_air.get("jitter_s", 0.0)
+        )
+        heard = fuse_by_radio(
+            members, sources, times, radio, seed, shared=shared, start=0.0, false_alarm=false_alarm, places=_places(way)
+        )
+        done = heard.estimate
+        told = {
+            "telegrams": heard.telegrams, "received": heard.received, "sent_mb": heard.sent_bytes * 1e-6,
+            "refused": heard.refused.total(), "isolated": len(heard.isolated),
+        }  # fmt: skip
+    else:
+        raise ConfigError(f"{method.name.lower()} does not talk by radio", fix="set method to distributed")
+    return {**_ground(done, way, times), **_air(done, way, times), **told}
+
+
+def _places(way: Tours) -> Places:
+    def here(t: float) -> Mapping[str, Floats]:
+        row = min(round(t * 100.0), way.t.size - 1)
+        return {name: way.of(name).p[row] for name in ("ugv", "uav")}
+
+    return here
 
 
 def _read(params: Params) -> tuple[Method, Faults, Tuning]:

@@ -218,7 +218,7 @@ def prepare(
     rows = [np.flatnonzero((whom[records.source] < 0) & (owner[records.source] == i)) for i in range(len(members))]
     filters: list[Filter] = []
     for i, m in enumerate(members) if method is not Method.JOINT else ():
-        own = np.flatnonzero((owner == i) & (whom < 0))
+        own = [k for k in range(len(sources)) if owner[k] == i and whom[k] < 0]
         part = Records(t=records.t[rows[i]], source=np.searchsorted(own, records.source[rows[i]]).astype(np.int64),
                        z=records.z[rows[i]], r=records.r[rows[i]])  # fmt: skip
         filters.append(Filter([m], [sources[k] for k in own], part, at, first, gate=gate, carries=method.carries))

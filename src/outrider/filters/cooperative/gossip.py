@@ -56,7 +56,8 @@ class Teammate:
     `close` makes a node of now, where it meets a partner; `note` takes what was measured there; `news` is what a
     partner lacks, and `hear` takes the partner's; `settle` works it all out and corrects the robot. The filter of its
     own records has to be run up to now before each of them.
-    patience : s, for how long a meeting waits for what the other has to say;  isolated : who is not believed, since when
+    patience : s, for how long a meeting waits for what the other has to say
+    isolated : who is not believed, since when
     """
 
     def __init__(self, number: int, own: Filter, team: Filter, start: float, *, patience: float = np.inf) -> None:
@@ -92,10 +93,9 @@ class Teammate:
         """A relative record, of its own or heard, that is to be used once both chains have reached it."""
         if record.key not in self._records and record.key not in self.outcomes:
             self._records[record.key] = record
-            meeting = record.meeting
-            self._meet(meeting)
-            if meeting in self._waiting:
-                self._waiting[meeting].append(record)
+            self._meetings.add(record.meeting)
+            if (self.ledger.node[[record.observer, record.observed]] <= record.t).all():
+                self._waiting.setdefault(record.meeting, []).append(record)
             else:
                 self.outcomes[record.key] = _late()
 
@@ -126,8 +126,8 @@ class Teammate:
         now = self.now
         for meeting in sorted(self._waiting):
             t, *pair = meeting
-            ready = all([self._reach(m, t) for m in pair])
-            if ready:
+            there = [self._reach(m, t) for m in pair]  # both go as far as they can
+            if ready := all(there):
                 for r in sorted(self._waiting[meeting], key=lambda r: r.key):
                     self.outcomes[r.key] = self._relate(r)
             elif t >= now - self.patience and not any(self.ledger.node[m] > t for m in pair):
