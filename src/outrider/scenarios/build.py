@@ -1,6 +1,6 @@
 """From a checked scenario to a world, a team and a radio."""
 
-from collections.abc import Generator
+from collections.abc import Generator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from math import cos, sin
@@ -13,6 +13,7 @@ from outrider.errors import ConfigError
 from outrider.io.checked import fault_at, remedy
 from outrider.models.vehicles import AIR_INPUTS, Differential, Mecanum, Pad, Rotorcraft, Vehicle
 from outrider.scenarios.driving import GotoMission, goal_poses, ground_robot
+from outrider.scenarios.inspecting import Inspector, agents
 from outrider.scenarios.navigation import Put, mount_matrix, navigator
 from outrider.scenarios.parts import (
     FAULTS,
@@ -72,7 +73,10 @@ def build(scenario: Scenario, where: str = "") -> Cast:
     put = {name: _put(name, scenario, where) for name in scenario.team}
     with at(where, "team"):
         shared = setting_of(world, scenario.world.place, scenario.team)
-    team = tuple(_robot(n, s, shared, put[n], scenario.duration_s, where) for n, s in scenario.team.items())
+        inspectors = agents(_inspectors(scenario, world, put), world)
+    team = tuple(
+        _robot(n, s, shared, put[n], scenario.duration_s, where, inspectors.get(n)) for n, s in scenario.team.items()
+    )
     return Cast(world=world, team=team, radio=radio, duration_s=scenario.duration_s, seed=scenario.seed, where=where)
 
 
@@ -115,6 +119,22 @@ def _put(name: str, scenario: Scenario, where: str) -> Put:
     return east + x * cos(yaw) - y * sin(yaw), north + x * sin(yaw) + y * cos(yaw), up + z, yaw
 
 
+def _inspectors(scenario: Scenario, world: World, put: Mapping[str, Put]) -> dict[str, Inspector]:
+    """Who inspects, with what it is and carries."""
+    out: dict[str, Inspector] = {}
+    for name, section in scenario.team.items():
+        mission: Any = section.mission
+        vehicle = _vehicle(section, world) if mission.type == "inspect" else None
+        if vehicle is None:
+            continue
+        pad = None if section.pad is None else made_of(Pad, section.pad)
+        out[name] = Inspector(
+            section=mission, vehicle=vehicle, carried=_sensors(section, "", ("team", name)), put=put[name], pad=pad,
+            on=section.on or "",
+        )  # fmt: skip
+    return out
+
+
 def _vehicle(section: RobotSection, world: World) -> Vehicle | None:
     if section.vehicle is None:
         return None
@@ -133,7 +153,9 @@ def _vehicle(section: RobotSection, world: World) -> Vehicle | None:
     )
 
 
-def _robot(name: str, section: RobotSection, shared: Setting, put: Put, duration_s: float, where: str) -> Robot:
+def _robot(
+    name: str, section: RobotSection, shared: Setting, put: Put, duration_s: float, where: str, inspector: Agent | None
+) -> Robot:
     key, world = ("team", name), shared.world
     with at(where, *key, "vehicle"):
         vehicle = _vehicle(section, world)
@@ -153,6 +175,8 @@ def _robot(name: str, section: RobotSection, shared: Setting, put: Put, duration
                 raise ConfigError("a station stands", fix="leave out the vehicle")
         elif vehicle is None:
             raise ConfigError(f"a mission '{mission.type}' needs a vehicle", fix=f"there are: {', '.join(VEHICLES)}")
+        elif inspector is not None:
+            agent = inspector
         else:
             member = Member(name=name, vehicle=vehicle, carried=carried, put=put, hull=hull)
             agent = _agent(member, mission, shared)

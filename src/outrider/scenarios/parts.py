@@ -9,6 +9,7 @@ from pydantic import Field, create_model
 from outrider.io.checked import Flag, Whole
 from outrider.models.vehicles import Differential, Mecanum, Multirotor, Pad, Rotorcraft, Steered, Vehicle
 from outrider.scenarios.driving import GotoMission
+from outrider.scenarios.inspecting import InspectMission
 from outrider.scenarios.patrolling import PatrolMission, StationMission, site
 from outrider.scenarios.sections import STRICT, Number, Part, Table, bounded, inner_section, section_of, tagged
 from outrider.sim import places, sensors
@@ -167,6 +168,7 @@ Mission: TypeAlias = _one_of(  # type: ignore[valid-type]
         GotoMission,
         PatrolMission,
         StationMission,
+        InspectMission,
         section_of(Schedule, tag="schedule"),
     ]
 )

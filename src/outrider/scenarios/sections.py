@@ -27,6 +27,7 @@ T = TypeVar("T")
 
 ANGLES: Final[Mapping[str, tuple[str, ...]]] = {
     "Attitude": ("sigma", "yaw_error"),
+    "Camera": ("half_angle", "incidence", "turn", "low", "high"),
     "BodyTwist": ("sigma_w",),
     "Heading": ("sigma", "offset"),
     "Imu": ("misalignment", "gyro_range"),

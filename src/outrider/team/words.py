@@ -14,6 +14,8 @@ CANCEL: Final = "cancel"
 STATUS: Final = "status"
 GRANT: Final = "grant"
 ASK: Final = "ask"
+PAD: Final = "pad"
+WISH: Final = "wish"
 DUTIES: Final = tuple(Duty)
 ENDS: Final = tuple(Ended)
 
@@ -79,3 +81,27 @@ def number_message(topic: str, sender: str, receiver: str, t: int, number: int) 
 def number_of(m: Message) -> int:
     """From a message of one number."""
     return int(m.data["number"][0])
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pad:
+    """What the carrier of a pad says of it. pose : (4,) east, north, up [m] of its middle, heading [rad];  velocity :
+    (2,) m/s;  ready : whether it stands in the open for a drone."""
+
+    carrier: str
+    t: int
+    pose: Floats
+    velocity: Floats
+    ready: bool
+
+    def message(self) -> Message:
+        """To everybody."""
+        data = {"pose": self.pose, "velocity": self.velocity, "ready": np.array([float(self.ready)])}
+        return Message(sender=self.carrier, topic=PAD, t=self.t, data=data)
+
+    @classmethod
+    def of(cls, m: Message) -> "Pad":
+        """From a message of that topic."""
+        ready = bool(m.data["ready"][0])
+        return cls(carrier=m.sender, t=m.t, pose=m.data["pose"], velocity=m.data["velocity"], ready=ready)

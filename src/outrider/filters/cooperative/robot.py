@@ -151,6 +151,11 @@ class Filter:
         self.belief.u[...], self.belief.fed[...], self._next = kept
         self.belief.clock[0] = clock
 
+    def feed(self, records: Records) -> None:
+        """Further records instead of those that it has taken; their verdicts are in `out`."""
+        self.records, self._next = records, 0
+        self.out = np.full((records.t.size, 3), np.nan)
+
     def view(self) -> tuple[Floats, Floats]:
         """Kinematic view k of the one member, and its Jacobian K (T_SIZE, n)."""
         group.look(self.group, self.belief, self.work, 0)

@@ -2,12 +2,12 @@
 there: points on the surface, places for a body, a tour within a length, a smooth path, pictures along it."""
 
 from outrider.planning.inspection.pictures import Camera, Picturing, picture, seen
-from outrider.planning.inspection.places import Body, Places
+from outrider.planning.inspection.places import Body, Places, open_above
 from outrider.planning.inspection.plan import Half, InspectionPlan, Task, halves, inspect
 from outrider.planning.inspection.surface import Surface, surface
 from outrider.planning.inspection.timing import Pace, TimedPath
 
 __all__ = [
     "Body", "Camera", "Half", "InspectionPlan", "Pace", "Picturing", "Places", "Surface", "Task", "TimedPath",
-    "halves", "inspect", "picture", "seen", "surface",
+    "halves", "inspect", "open_above", "picture", "seen", "surface",
 ]  # fmt: skip

@@ -14,7 +14,7 @@ from outrider.core.solids import distance
 from outrider.errors import ConfigError
 from outrider.typing import Bools, Floats, Ints
 
-NOWHERE: Final = -9999  # of scipy: no predecessor
+FINE: Final = 0.01  # m of room beyond the margin below which a way counts as blocked
 
 
 @final
@@ -130,4 +130,10 @@ class Places:
         return np.array(out, np.int64)
 
 
-FINE: Final = 0.01
+
+def open_above(table: Floats, body: Body, p: Floats, high: float) -> Bools:
+    """(n,) whether a body keeps its margin straight up from p (n, 3) to the height `high` [m]."""
+    ok, (heights, radius) = np.zeros(len(p), np.bool_), body.balls
+    top = np.column_stack([p[:, :2], np.full(len(p), high)])
+    passable(table, heights, radius, body.margin, np.ascontiguousarray(p), np.ascontiguousarray(top), ok, FINE)
+    return ok

@@ -1,0 +1,94 @@
+"""coop2024 in closed loop: ground robots and a drone inspect a parked airliner along planned paths."""
+
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any, Literal, final
+
+from outrider.scenarios.ground import WHEELS
+from outrider.scenarios.registry import Description, scenario
+
+PAD = {"place": [0.0, 0.0, 0.65], "radius": 0.5, "tolerance": 0.3}
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Inspection:
+    """method : of sharing;  rovers : robots on the ground;  endurance, charge : s that a battery of the drone lasts, 0
+    for ever, and that it takes to charge;  bias : m, of each receiver, constant;  duration : s."""
+
+    method: Literal["none", "local", "naive", "ci", "split_ci", "distributed", "joint"] = "joint"
+    rovers: int = 1
+    endurance: float = 0.0
+    charge: float = 30.0
+    duration: float = 180.0
+
+
+@scenario("aircraft-inspection", tags=("cooperative", "closed loop", "coop2024"))
+def aircraft_inspection(cfg: Inspection) -> Description:
+    """Ground robots see the lower half of an airliner and a drone the upper, on estimates that they share."""
+    path = cfg.duration - 12.0
+    team: dict[str, Any] = {}
+    for k in range(cfg.rovers):
+        name = "ugv" if cfg.rovers == 1 else f"ugv{k + 1}"
+        start = {"x": 2.5 * (k - 0.5 * (cfg.rovers - 1)), "y": -2.0, "yaw_deg": 90.0}
+        team[name] = _rover(cfg.method, start, path)
+    middle = list(team)[cfg.rovers // 2]
+    team["uav"] = _drone(cfg, middle, path)
+    recharges = cfg.endurance > 0.0 and isfinite(cfg.endurance)
+    return {
+        "duration_s": cfg.duration * (3.0 if recharges else 1.0),
+        "world": {"place": {"type": "parked_airliner"}},
+        "team": team,
+    }
+
+
+def _rover(method: str, start: dict[str, float], path: float) -> Description:
+    return {
+        "vehicle": {"type": "mecanum", "wheels": WHEELS, "radius": 0.5, "height": 0.6, "step_s": 0.01},
+        "start": start,
+        "pad": PAD,
+        "drift": DRIFT,
+        "sensors": [
+            *_common((0.3, 0.2, 0.5)),
+            {"type": "body_twist", "name": "wheels", "rate_hz": 100.0, "sigma_v": 0.4, "sigma_w": 0.05,
+             "rolling": False},
+            {"type": "object_pose", "name": "lidar", "object": "airliner", "rate_hz": 1.0},
+            {"type": "robot_camera", "name": "camera_up", "mount_rpy_deg": [0.0, -90.0, 0.0], "lever": [0.0, 0.0, 0.6]},
+        ],
+        "mission": {
+            "type": "inspect", "half": "lower", "method": method, "path_s": path, "margin": 0.25,
+            "camera": {"height": 0.6, "far": 5.5, "half_angle": 0.7, "low": -0.2}, "pace": {"speed": 0.7},
+        },
+    }  # fmt: skip
+
+
+def _drone(cfg: Inspection, carrier: str, path: float) -> Description:
+    return {
+        "vehicle": {"type": "multirotor", "radius": 0.35, "height": 0.25, "step_s": 0.01},
+        "on": carrier,
+        "drift": DRIFT,
+        "sensors": [
+            *_common((0.0, 0.0, 0.15)),
+            {"type": "baro", "rate_hz": 100.0, "sigma": 0.25},
+            {"type": "robot_camera", "name": "camera_down", "mount_rpy_deg": [0.0, 90.0, 0.0]},
+        ],
+        "mission": {
+            "type": "inspect", "half": "upper", "method": cfg.method, "path_s": path, "margin": 0.8,
+            "camera": {"far": 5.0, "half_angle": 0.7}, "pace": {"speed": 1.1},
+            "endurance_s": cfg.endurance or 1e9, "charge_s": cfg.charge,
+        },
+    }  # fmt: skip
+
+
+DRIFT = {"gyro_start": 0.005, "gyro_walk": 0.0, "accel_start": 0.05, "accel_walk": 0.0, "wheels_start": 0.0}
+
+
+def _common(antenna: tuple[float, float, float]) -> list[Description]:
+    """What both carry; deviations are the paper's, per sample."""
+    root_hz = 100.0**0.5
+    return [
+        {"type": "imu", "gyro_density": 0.01 / root_hz, "accel_density": 0.015 / root_hz},
+        {"type": "gnss", "rate_hz": 10.0, "sigma": 0.7, "sigma_up": 0.7, "lever": list(antenna), "fix": "single"},
+        {"type": "gnss_velocity", "rate_hz": 10.0, "sigma": 0.05, "sigma_up": 0.05, "lever": list(antenna)},
+        {"type": "stereo_velocity", "rate_hz": 2.0, "sigma": 0.2, "reach": 4.0},
+    ]

@@ -1,0 +1,216 @@
+"""The estimates of a team while it is under way: everybody's records as they come, and who measures whom.
+
+The same filters and the same ways of sharing as `fuse_team`, step by step. A step is worked out when everybody has
+handed in what belongs to it, so that nobody hears of the future; until then an estimate is carried on.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final, final
+
+import numpy as np
+
+from outrider.core.rotations import matrices_to_quats
+from outrider.data import Datum, Kind, Stream, Verdict
+from outrider.errors import ConfigError
+from outrider.filters.channels import site_position
+from outrider.filters.cooperative import FALSE_ALARM, Member, Method, Source
+from outrider.filters.cooperative.fusion import _meet as meet_pair
+from outrider.filters.cooperative.group import look
+from outrider.filters.cooperative.robot import Filter, Records, gates
+from outrider.filters.state import ROWS
+from outrider.models.kinematics import K_P, K_R, K_V, K_W, T_P, T_TH
+from outrider.models.sensors import SensorModel
+from outrider.team.navigator import Fused
+from outrider.typing import Floats, Ints
+
+NONE: Final = Records(t=np.zeros(0), source=np.zeros(0, np.int64), z=np.zeros((0, ROWS)), r=np.zeros((0, ROWS)))
+AHEAD: Final = 1.0  # s that an estimate is carried on at most
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ear:
+    """How a stream of one robot is heard. columns : of its z, first and end;  sigmas : (m,), infinite: not in use;  partner : who is
+    seen, by `number` in the first column;  navigation : whether `Method.NONE` has it, too."""
+
+    stream: str
+    sensor: SensorModel
+    sigmas: tuple[float, ...]
+    columns: tuple[int, int] = (0, ROWS)
+    partner: str = ""
+    number: float = -1.0
+    navigation: bool = True
+
+
+@final
+@dataclass(slots=True)
+class Kept:
+    """What a robot thought, once a step. t : s;  pose : (4,) east, north, up [m], heading;  P : (4, 4)."""
+
+    t: list[float] = field(default_factory=list[float])
+    pose: list[Floats] = field(default_factory=list[Floats])
+    P: list[Floats] = field(default_factory=list[Floats])
+
+
+@final
+class Crew:
+    """`take` what a robot has recorded up to now; `now` is where it is."""
+
+    def __init__(
+        self, members: Sequence[Member], ears: Mapping[str, Sequence[Ear]], method: Method, start: int, datum: Datum
+    ) -> None:
+        """start : ns, of the beliefs. Raises ConfigError for a partner that is not in the team."""
+        self.method, self._start, self._datum = method, start, datum
+        self.names = [m.name for m in members]
+        self._ears = {name: [e for e in ears[name] if _heard(method, e)] for name in self.names}
+        self._meets: list[tuple[int, int, Ear]] = []
+        self._waiting: dict[str, list[tuple[Floats, int, Floats, Floats]]] = {name: [] for name in self.names}
+        self._until = dict.fromkeys(self.names, 0.0)
+        self._number: dict[tuple[str, int], int] = {}
+        self._out: dict[tuple[str, int], list[tuple[float, float, float]]] = {}
+        self.kept = {name: Kept() for name in self.names}
+        self._filters = self._made(members)
+
+    def _made(self, members: Sequence[Member]) -> list[Filter]:
+        groups = [members] if self.method is Method.JOINT else [[m] for m in members]
+        made: list[Filter] = []
+        for group in groups:
+            sources: list[Source] = []
+            for m in group:
+                for k, e in enumerate(self._ears[m.name]):
+                    if e.partner and e.partner not in self.names:
+                        raise ConfigError(f"no robot '{e.partner}'", where=m.name, fix=", ".join(self.names))
+                    if e.partner and self.method is not Method.JOINT:
+                        continue
+                    self._number[m.name, k] = len(sources)
+                    none = np.zeros(0)
+                    sources.append(Source(robot=m.name, sensor=e.sensor, t=none, z=none, partner=e.partner))
+            gate = gates(FALSE_ALARM)
+            made.append(Filter(group, sources, NONE, np.zeros(0), 0.0, gate=gate, carries=self.method.carries))
+        return made
+
+    def take(self, robot: str, t: int, news: Sequence[Stream]) -> None:
+        """What a robot has recorded up to t [ns]; once everybody has come that far, all of it is fused."""
+        for s in news:
+            for k, e in enumerate(self._ears[robot]):
+                if e.stream == s.name and len(s):
+                    self._waiting[robot].append(self._rows(k, e, s))
+        self._until[robot] = (t - self._start) * 1e-9
+        until = min(self._until.values())
+        if until > self._filters[0].belief.clock[0]:
+            self._advance(until)
+
+    def _rows(self, k: int, e: Ear, s: Stream) -> tuple[Floats, int, Floats, Floats]:
+        own = s if not e.partner else s.select(s.z[:, 0] == e.number)
+        z = site_position(own, self._datum) if own.kind is Kind.GNSS else own.z[:, e.columns[0] : e.columns[1]]
+        out, r = np.zeros((len(own), ROWS)), np.full((len(own), ROWS), np.inf)
+        out[:, : z.shape[1]], r[:, : len(e.sigmas)] = z, np.array(e.sigmas) ** 2
+        bad = ~np.isfinite(out).all(axis=1)
+        out[bad], r[bad] = 0.0, np.inf
+        return np.asarray((own.t - self._start) * 1e-9, np.float64), k, out, r
+
+    def _advance(self, until: float) -> None:
+        """Fuse everything up to `until` [s], in the order of time; what belongs to later waits."""
+        meetings: list[tuple[float, str, int, Floats, Floats]] = []
+        for f in self._filters:
+            rows = [(m.name, self._due(m.name, until)) for m in f.members]
+            alone = [(name, b) for name, batch in rows for b in batch if (name, b[1]) in self._number]
+            for name, batch in rows:
+                for t, k, z, r in batch:
+                    if (name, k) not in self._number:
+                        meetings += [(float(t[i]), name, k, z[i], r[i]) for i in range(t.size)]
+            f.feed(_sorted(alone, self._number, self._ears))
+        for t, name, k, z, r in sorted(meetings, key=lambda m: m[:3]):
+            e = self._ears[name][k]
+            i, j = self.names.index(name), self.names.index(e.partner)
+            for n in (i, j):
+                self._filters[n].run(t)
+            out = meet_pair(self.method, self._filters, i, j, int(e.sensor.code), e.sensor.theta(), z, r)
+            self._out.setdefault((name, k), []).append((float(out.verdict), out.nis, out.dof))
+        for f in self._filters:
+            f.run(until)
+            self._count(f)
+        for name in self.names:
+            self._keep(name, until)
+
+    def _due(self, name: str, until: float) -> list[tuple[Floats, int, Floats, Floats]]:
+        due: list[tuple[Floats, int, Floats, Floats]] = []
+        later: list[tuple[Floats, int, Floats, Floats]] = []
+        for t, k, z, r in self._waiting[name]:
+            now = t <= until + 1e-9
+            due += [(t[now], k, z[now], r[now])] if now.any() else []
+            later += [] if now.all() else [(t[~now], k, z[~now], r[~now])]
+        self._waiting[name] = later
+        return due
+
+    def _count(self, f: Filter) -> None:
+        back = {(self._number[name, k], name): (name, k) for name, k in self._number}
+        names = [m.name for m in f.members]
+        for s in np.unique(f.records.source).tolist():
+            name = names[int(f.group.member[s])]
+            rows = f.out[f.records.source == s]
+            self._out.setdefault(back[s, name], []).extend((float(v), float(n), float(d)) for v, n, d in rows)
+
+    def _view(self, robot: str) -> tuple[Filter, Floats, Floats, slice]:
+        """Its filter, its kinematic view and Jacobian, and its rows of the filter's errors."""
+        i = self.names.index(robot)
+        f, i = (self._filters[0], i) if self.method is Method.JOINT else (self._filters[i], 0)
+        look(f.group, f.belief, f.work, i)
+        e, n = (int(x) for x in f.group.rows[i, 3:5])
+        return f, f.work.k[i], f.work.K[i], slice(e, e + n)
+
+    def _keep(self, name: str, t: float) -> None:
+        f, k, K, own = self._view(name)
+        n, kept = own.stop - own.start, self.kept[name]
+        rows = np.zeros((4, n))
+        rows[:3] = K[T_P : T_P + 3, :n]
+        # the error of the heading is that of the attitude about the vertical
+        rows[3] = k[K_R : K_R + 9].reshape(3, 3)[2] @ K[T_TH : T_TH + 3, :n]
+        kept.t.append(t)
+        kept.pose.append(np.array([*k[K_P : K_P + 3], np.arctan2(k[K_R + 3], k[K_R])]))
+        kept.P.append(rows @ f.belief.P[own, own] @ rows.T)
+
+    def now(self, robot: str, t: int) -> Fused:
+        """Where a robot is at t [ns], carried on at its own velocity and yaw rate since the last step."""
+        f, k, K, own = self._view(robot)
+        ahead = min(max((t - self._start) * 1e-9 - float(f.belief.clock[0]), 0.0), AHEAD)
+        R, v, w = k[K_R : K_R + 9].reshape(3, 3).copy(), k[K_V : K_V + 3].copy(), float(k[K_W + 2])
+        rows = K[T_P : T_P + 3, : own.stop - own.start]
+        return Fused(
+            t=t, p=k[K_P : K_P + 3] + v * ahead, v=v, q=matrices_to_quats(R[None])[0],
+            heading=float(np.arctan2(R[1, 0], R[0, 0])) + w * ahead, w=w, P=rows @ f.belief.P[own, own] @ rows.T,
+        )  # fmt: skip
+
+    def counts(self) -> dict[str, dict[str, float]]:
+        """Of each stream of each robot: records used and refused, and mean NIS per degree of freedom."""
+        out: dict[str, dict[str, float]] = {}
+        for (name, k), rows in sorted(self._out.items()):
+            e = self._ears[name][k]
+            verdict, nis, dof = np.array(rows).T
+            used = verdict == Verdict.USED
+            seen = used | (verdict == Verdict.GATED)
+            label = f"{name}/{e.stream} {e.partner or type(e.sensor).__name__}".rstrip()
+            ratio = float((nis[seen] / dof[seen]).mean()) if seen.any() else float("nan")
+            out[label] = {"used": int(used.sum()), "gated": int((seen & ~used).sum()), "nis_per_dof": ratio}
+        return out
+
+
+def _heard(method: Method, e: Ear) -> bool:
+    return (method.shares or not e.partner) and (e.navigation or method is not Method.NONE)
+
+
+def _sorted(
+    batches: Sequence[tuple[str, tuple[Floats, int, Floats, Floats]]],
+    number: Mapping[tuple[str, int], int],
+    ears: Mapping[str, Sequence[Ear]],
+) -> Records:
+    """All rows by time, at one time relative ones last."""
+    if not batches:
+        return NONE
+    t = np.concatenate([b[0] for _, b in batches])
+    source: Ints = np.repeat([number[name, b[1]] for name, b in batches], [b[0].size for _, b in batches])
+    last = np.repeat([bool(ears[name][b[1]].partner) for name, b in batches], [b[0].size for _, b in batches])
+    order = np.lexsort((source, last, t))
+    z, r = (np.vstack([b[c] for _, b in batches])[order] for c in (2, 3))
+    return Records(t=t[order], source=source[order].astype(np.int64), z=z, r=r)
