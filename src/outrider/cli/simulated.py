@@ -62,6 +62,8 @@ def run(summary: Mapping[str, Any], folder: Path, *, quiet: bool = False) -> Non
         out.print(Text(f"{pair} came within {number(s['distance_m'])} m of each other, after {s['t_s']:.1f} s"))
     if mission:
         _mission(mission)
+    if summary["inspection"]:
+        _inspection(summary["inspection"])
     sent = summary["messages"]["sent"]
     if sent:
         lost = ", ".join(f"{n} {reason}" for reason, n in summary["messages"]["lost"].items())
@@ -69,6 +71,28 @@ def run(summary: Mapping[str, Any], folder: Path, *, quiet: bool = False) -> Non
     report = folder / "report.html"
     out.print(Text(f"report: {report}" if report.exists() else f"written to {folder}"))
     out.print(Text(f"try: {_invitation(summary, folder)}"))
+
+
+def _inspection(done: Mapping[str, Any]) -> None:
+    """Errors, honesty and coverage of every robot; what it would have been without the others."""
+    out = console()
+    alone = done["without"]["exchange"]
+    shown = ("robot", ">position", ">heading", ">NEES/dof", ">alone", ">planned", ">seen", ">of reachable", ">path")
+    table = table_of(*shown)
+    for name, r in done["robots"].items():
+        seen = r["coverage"]
+        table.add_row(
+            escape(name), f"{number(r['position_m'])} m", f"{number(r['heading_deg'])} deg",
+            f"{r['nees_per_dof']:.2f}", f"{number(alone[name]['position_m'])} m" if alone else NONE,
+            f"{100.0 * seen['planned']:.1f} %", f"{100.0 * seen['achieved']:.1f} %",
+            f"{100.0 * seen['reachable']:.1f} %", f"{number(r['path']['length_m'])} m",
+        )  # fmt: skip
+    out.print(Text(f"sharing: {done['method']['code']}: {done['method']['text']}"))
+    print_table(out, table)
+    for name, r in done["robots"].items():
+        for landing in r.get("landings", ()):
+            what = f"{name} on its pad after {landing['t_s']:.1f} s, {number(landing['off_m'])} m off its middle"
+            out.print(Text(what))
 
 
 def _mission(mission: Mapping[str, Any]) -> None:

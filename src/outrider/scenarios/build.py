@@ -2,7 +2,7 @@
 
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import cos, sin
 from typing import Any, final
 
@@ -12,6 +12,7 @@ from outrider.data.agents import Agent, Planned
 from outrider.errors import ConfigError
 from outrider.io.checked import fault_at, remedy
 from outrider.models.vehicles import AIR_INPUTS, Differential, Mecanum, Pad, Rotorcraft, Vehicle
+from outrider.planning.inspection import InspectionPlan
 from outrider.scenarios.driving import GotoMission, goal_poses, ground_robot
 from outrider.scenarios.inspecting import Inspector, agents
 from outrider.scenarios.navigation import Put, mount_matrix, navigator
@@ -52,6 +53,7 @@ class Cast:
     seed: int
 
     where: str = ""
+    plans: Mapping[str, InspectionPlan] = field(default_factory=dict[str, InspectionPlan])
 
     def run(self) -> Simulation:
         """Simulate it. Raises ConfigError for what only shows on the spot: a robot that starts inside a wall."""
@@ -73,11 +75,19 @@ def build(scenario: Scenario, where: str = "") -> Cast:
     put = {name: _put(name, scenario, where) for name in scenario.team}
     with at(where, "team"):
         shared = setting_of(world, scenario.world.place, scenario.team)
-        inspectors = agents(_inspectors(scenario, world, put), world)
+        inspectors, plans = agents(_inspectors(scenario, world, put), world)
     team = tuple(
         _robot(n, s, shared, put[n], scenario.duration_s, where, inspectors.get(n)) for n, s in scenario.team.items()
     )
-    return Cast(world=world, team=team, radio=radio, duration_s=scenario.duration_s, seed=scenario.seed, where=where)
+    return Cast(
+        world=world,
+        team=team,
+        radio=radio,
+        duration_s=scenario.duration_s,
+        seed=scenario.seed,
+        where=where,
+        plans=plans,
+    )
 
 
 @contextmanager

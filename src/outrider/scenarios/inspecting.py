@@ -94,13 +94,13 @@ class Inspector:
         return self.vehicle.inputs == AIR_INPUTS
 
 
-def agents(robots: Mapping[str, Inspector], world: World) -> dict[str, Rover | Drone]:
-    """The agents of all inspectors of a team, which share their estimates.
+def agents(robots: Mapping[str, Inspector], world: World) -> tuple[dict[str, Rover | Drone], dict[str, InspectionPlan]]:
+    """The agents of all inspectors of a team, which share their estimates, and their plans.
 
     Raises ConfigError for a place without solids, a drone without a carrier, two methods, and where no path is found.
     """
     if not robots:
-        return {}
+        return {}, {}
     table = np.ascontiguousarray(world.solids.table)
     if not table.size:
         raise ConfigError(f"{world.name} has nothing to inspect", where="inspect", fix="a place with solids")
@@ -112,7 +112,8 @@ def agents(robots: Mapping[str, Inspector], world: World) -> dict[str, Rover | D
     ears = {name: _ears(name, r, tuple(robots)) for name, r in robots.items()}
     crew = Crew(members, ears, method, EPOCH, world.datum)
     plans = plan(robots, table)
-    return {n: (_drone if r.flies else _rover)(n, r, robots, plans[n], crew, table) for n, r in robots.items()}
+    made = {n: (_drone if r.flies else _rover)(n, r, robots, plans[n], crew, table) for n, r in robots.items()}
+    return made, plans
 
 
 def plan(robots: Mapping[str, Inspector], table: Floats) -> dict[str, InspectionPlan]:
@@ -197,7 +198,7 @@ def _high(table: Floats) -> float:
 def _member(name: str, r: Inspector, world: World) -> Member:
     """Its filter, of coop2024's models, with what it believes where it was put down."""
     motion = Motion.EULER if r.flies else Motion.DRIFTING
-    model = EulerBody(gravity=world.gravity) if r.flies else DriftingRover()
+    model = EulerBody(acceleration=1.5, rate=0.6, gravity=world.gravity) if r.flies else DriftingRover()
     layout = LAYOUTS[motion]
     x, sd = layout.zeros(), np.zeros(layout.error_size)
     x[layout.state("position")] = r.put[: 3 if r.flies else 2]

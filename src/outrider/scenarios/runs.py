@@ -21,6 +21,7 @@ from outrider.models.vehicles import Vehicle
 from outrider.scenarios.booked import mission, served
 from outrider.scenarios.build import Cast, build
 from outrider.scenarios.files import scenario_text
+from outrider.scenarios.inspected import inspection
 from outrider.scenarios.parts import Scenario
 from outrider.sim.engine import Ending, Simulation
 from outrider.sim.monitor import Closest
@@ -149,6 +150,7 @@ def summarise(done: Done) -> dict[str, Any]:
             {"robots": list(pair), **(_closest(run, c) or {})} for pair, c in sorted(run.monitor.separations.items())
         ],
         "mission": mission(done.cast, run),
+        "inspection": inspection(done.cast, run),
         "messages": {
             "sent": run.air.sent,
             "lost": {reason.name.lower(): run.air.lost[reason] for reason in Lost if run.air.lost[reason]},

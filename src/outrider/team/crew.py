@@ -61,7 +61,7 @@ class Crew:
         self, members: Sequence[Member], ears: Mapping[str, Sequence[Ear]], method: Method, start: int, datum: Datum
     ) -> None:
         """start : ns, of the beliefs. Raises ConfigError for a partner that is not in the team."""
-        self.method, self._start, self._datum = method, start, datum
+        self.method, self._start, self._datum, self.members, self.ears = method, start, datum, members, ears
         self.names = [m.name for m in members]
         self._ears = {name: [e for e in ears[name] if _heard(method, e)] for name in self.names}
         self._meets: list[tuple[int, int, Ear]] = []
@@ -100,6 +100,14 @@ class Crew:
         until = min(self._until.values())
         if until > self._filters[0].belief.clock[0]:
             self._advance(until)
+
+    def hear_again(self, everything: Mapping[str, Sequence[Stream]], every_s: float, end_s: float) -> None:
+        """A whole recording, by robot, in steps."""
+        for name in self.names:
+            self.take(name, self._start, everything[name])
+        for k in range(1, int(end_s / every_s + 1e-9) + 1):
+            for name in self.names:
+                self.take(name, self._start + round(k * every_s * 1e9), ())
 
     def _rows(self, k: int, e: Ear, s: Stream) -> tuple[Floats, int, Floats, Floats]:
         own = s if not e.partner else s.select(s.z[:, 0] == e.number)

@@ -18,11 +18,14 @@ from outrider.team.words import PAD, WISH, Pad, number_message, number_of
 from outrider.typing import Bools, Floats
 
 HEARD_S: Final = 2.0  # s after which what somebody said is too old
-STOOD: Final = 0.08  # m/s, slower counts as standing
+STOOD: Final = 0.15  # m/s, slower counts as standing
 GAP: Final = 1.0  # m that robots on the ground keep between them, beside their sizes
 GLANCE: Final = 0.2  # share of a sighting of the pad that counts at once
 OVER_PAD: Final = 2.5  # m above the pad at which a drone lines up
-SINK: Final = 0.4  # m/s onto the pad
+SINK: Final = 0.4  # m/s towards the pad
+TOUCH: Final = 0.12  # m/s onto it
+HALT: Final = 0.06  # m/s, slower than told to sink is standing
+GENTLE: Final = 0.8  # m/s^2, of a drone's commands
 
 
 @final
@@ -58,6 +61,7 @@ class Rover:
     radius: float = 0.5
     period_s: float = 0.1
     _wish: bool = False
+    _ready: bool = False
     _others: dict[str, Pad] = field(default_factory=dict[str, Pad])
     _told: str = ""
 
@@ -76,7 +80,8 @@ class Rover:
         v, w = f.step(here, self.period_s, goal)
         self.shots.look(t, f.s)
         speed = float(np.hypot(*here.v[:2]))
-        ready = self._wish and goal is not None and abs(goal - f.s) < 0.5 and speed < STOOD
+        still = speed < STOOD or (self._ready and speed < 2.0 * STOOD)
+        ready = self._ready = self._wish and goal is not None and abs(goal - f.s) < 0.5 and still
         c, s = cos(here.heading), sin(here.heading)
         v = within(v[:2], self.speed)
         place = np.array([here.p[0] + c * self.pad[0] - s * self.pad[1], here.p[1] + s * self.pad[0] + c * self.pad[1]])
@@ -157,6 +162,7 @@ class Drone:
     sight: Sightings = field(default_factory=Sightings)
     _heard: Pad | None = None
     _sinking_s: float = 0.0
+    _told: Floats = field(default_factory=lambda: np.zeros(3))
 
     def act(self, t: int, records: Sequence[Stream], inbox: Sequence[Message]) -> Action:
         """Fuse, see, decide, fly."""
@@ -171,7 +177,7 @@ class Drone:
         used = self.period_s / (-self.charge_s if docked else self.endurance_s)
         self.battery = float(np.clip(self.battery - used, 0.0, 1.0))
         self.flight = advance(before, self._senses(t, here), self.rules)
-        command = self._command(t, here)
+        command = self._gently(self._command(t, here))
         changed = self.flight.phase is not before.phase
         if changed and self.flight.phase is Phase.DOCKED:
             self.landings.append((t, self.sight.above.copy()))
@@ -182,6 +188,14 @@ class Drone:
         return Action(
             command=command, messages=(wish,), records=(_estimate(here, self.name),), note=note, done=done,
         )  # fmt: skip
+
+    def _gently(self, command: Floats) -> Floats:
+        """The command, with no more acceleration than the filter expects; from the pad it starts anew."""
+        if self.flight.phase is Phase.DOCKED:
+            self._told = np.zeros(3)
+            return command
+        self._told = self._told + within(command[:3] - self._told, GENTLE * self.period_s)
+        return np.array([*self._told, command[3]])
 
     def _wishes(self) -> bool:
         """Whether the carrier should stand in the open."""
@@ -237,12 +251,12 @@ class Drone:
             near=float(np.hypot(*(goal - here.p)[:2])), up=float(goal[2] - here.p[2]),
             free=bool(self.free[np.abs(self.free_s - self.follower.s).argmin()]),
             unseen_s=t * 1e-9 - self.sight.seen_s, aside=float(np.hypot(*above[:2])),
-            slow=float(np.hypot(*(here.v[:2] - still))), landed=self._sinking_s > 1.0 and above[2] < 0.5,
+            slow=float(np.hypot(*(here.v[:2] - still))), landed=self._sinking_s > 1.0 and above[2] < 0.35,
         )  # fmt: skip
 
     def _command(self, t: int, here: Fused) -> Floats:
         phase = self.flight.phase
-        sinks = phase is Phase.DESCEND and here.v[2] > -0.4 * SINK
+        sinks = phase is Phase.DESCEND and here.v[2] > -HALT and self._told[2] <= -TOUCH
         self._sinking_s = self._sinking_s + self.period_s if sinks else 0.0
         if phase is Phase.DOCKED:
             return np.array([0.0, 0.0, -0.1, 0.0])
@@ -253,7 +267,8 @@ class Drone:
         if phase in (Phase.ALIGN, Phase.DESCEND) and t * 1e-9 - self.sight.seen_s < self.rules.unseen_s:
             still = self._heard.velocity if self._heard is not None else np.zeros(2)
             flat = within(-0.8 * self.sight.above[:2], 0.6) + still
-            up = -SINK if phase is Phase.DESCEND else 0.8 * (self._goal(t)[2] - here.p[2])
+            down = max(TOUCH, 0.5 * float(self.sight.above[2]))
+            up = -down if phase is Phase.DESCEND else 0.8 * (self._goal(t)[2] - here.p[2])
             return np.array([*flat, float(np.clip(up, -SINK, SINK)), 0.0])
         gap = self._goal(t) - here.p
         if phase is Phase.LOWER:

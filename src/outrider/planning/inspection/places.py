@@ -130,7 +130,6 @@ class Places:
         return np.array(out, np.int64)
 
 
-
 def open_above(table: Floats, body: Body, p: Floats, high: float) -> Bools:
     """(n,) whether a body keeps its margin straight up from p (n, 3) to the height `high` [m]."""
     ok, (heights, radius) = np.zeros(len(p), np.bool_), body.balls

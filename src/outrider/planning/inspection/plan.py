@@ -18,6 +18,8 @@ from outrider.typing import Bools, Floats
 AROUND: Final = 4.0  # m beside a thing in which a robot on the ground looks for places
 LOWEST: Final = 0.02  # m: what is below stands on the ground
 REACH: Final = 2.5  # spacings that one leg may be long
+ENOUGH: Final = 0.98  # of what can be seen
+SLOWER: Final = 1.3
 FITS: Final = 5  # tries to fill the time
 TIMES: Final = 3  # from how many places the tour shows a point, since a camera looks one way at a time
 
@@ -88,11 +90,17 @@ def inspect(table: Floats, on: Surface, task: Task) -> InspectionPlan:
         raise ConfigError("nothing can be seen from any place", where="inspection", fix=fix)
     # places in order, and a path through them, no longer than there is time
     path = _within_time(table, places, shown, task)
-    # where to look on the way
-    t = np.arange(0.0, path.duration, task.camera.every_s)
-    pictures = picture(table, task.camera, t, path.at(t)[0], on)
+    # where to look on the way; more slowly, as long as that shows more and there is time
+    reachable = shown.any(axis=0)
+    while True:
+        t = np.arange(0.0, path.duration, task.camera.every_s)
+        pictures = picture(table, task.camera, t, path.at(t)[0], on)
+        enough = pictures.seen.sum() >= ENOUGH * reachable.sum()
+        if enough or path.duration * SLOWER > task.duration_s:
+            break
+        path = path.slower(SLOWER)
     return InspectionPlan(
-        task=task, path=path, pictures=pictures, on=on, reachable=shown.any(axis=0),
+        task=task, path=path, pictures=pictures, on=on, reachable=reachable,
         clearance=float(places.clearance(path.p).min()),
     )  # fmt: skip
 
@@ -116,7 +124,9 @@ def _candidates(table: Floats, on: Surface, task: Task) -> Floats:
     """(n, 3) the start, then places: a grid on the ground, or points off the surface."""
     start = np.array([task.start])
     if task.flies:
-        off = on.p + task.standoff * on.normal
+        slanting = on.normal + np.array([0.0, 0.0, 1.0])  # round the edges of what looks up there is a way, too
+        slanting /= np.maximum(np.linalg.norm(slanting, axis=1, keepdims=True), 1e-6)
+        off = np.vstack([on.p + task.standoff * d for d in (on.normal, slanting)])
         off = off[(off[:, 2] >= task.lowest) & (off[:, 2] <= task.highest)]
         off = _thinned(np.vstack([_above(start, off), off]), task.spacing)
     else:

@@ -11,7 +11,7 @@ from outrider.planning.inspection.places import Body, room
 from outrider.typing import Floats
 
 SPACING: Final = 0.25  # m between points of a path
-ROUNDS: Final = 200  # of smoothing
+ROUNDS: Final = 60  # of smoothing
 
 
 @final
@@ -46,6 +46,10 @@ class TimedPath:
     def length(self) -> float:
         """m."""
         return float(np.linalg.norm(np.diff(self.p, axis=0), axis=1).sum())
+
+    def slower(self, times: float) -> "TimedPath":
+        """The same path in so many times the time."""
+        return TimedPath(t=self.t * times, p=self.p, v=self.v / times)
 
     def at(self, t: Floats) -> tuple[Floats, Floats]:
         """Place and velocity (k, 3) at times (k,), held at both ends."""

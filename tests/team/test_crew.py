@@ -1,0 +1,109 @@
+"""Estimates of a team under way against the same records fused at once."""
+
+import numpy as np
+import pytest
+
+from outrider.data import Datum, Gaussian, Kind, stream
+from outrider.errors import ConfigError
+from outrider.filters.cooperative import Member, Method, Source, fuse_team
+from outrider.models import sensors as s
+from outrider.models.motion import LAYOUTS, DriftingRover, Motion
+from outrider.team.crew import Crew, Ear
+
+LAYOUT = LAYOUTS[Motion.DRIFTING]
+START = 10**18
+INF = float("inf")
+
+
+def team(n=2):
+    out = []
+    for i in range(n):
+        x, sd = LAYOUT.zeros(), np.zeros(LAYOUT.error_size)
+        x[LAYOUT.state("position")] = 3.0 * i, 0.0
+        for block, value in {"position": 0.5, "heading": 0.1, "velocity": 0.3, "yaw_rate": 0.1}.items():
+            sd[LAYOUT.error(block)] = value
+        belief = Gaussian(x, np.diag(sd**2), LAYOUT)
+        out.append(Member(name="abc"[i], motion=Motion.DRIFTING, model=DriftingRover(), belief=belief))
+    return out
+
+
+def records(names, seed=3):
+    """name -> (fixes, sightings of the next one), t in s."""
+    rng, t = np.random.default_rng(seed), np.arange(1, 41) * 0.1
+    out = {}
+    for i, name in enumerate(names):
+        fixes = np.column_stack([3.0 * i + 0.5 * rng.normal(size=t.size), 0.5 * rng.normal(size=(t.size, 2))])
+        turn = 0.05 * rng.normal(size=t.size)
+        quats = np.column_stack([np.zeros((t.size, 2)), np.sin(turn / 2), np.cos(turn / 2)])
+        step = 3.0 if i + 1 < len(names) else -3.0 * i
+        seen = np.column_stack([np.ones(t.size), step + 0.1 * rng.normal(size=t.size),
+                                0.1 * rng.normal(size=t.size), np.zeros(t.size), quats])  # fmt: skip
+        out[name] = t, fixes, seen
+    return out
+
+
+FIX, SEEN = (0.5, 0.5, INF), (0.1, 0.1, INF, INF, INF, 0.05)
+
+
+@pytest.mark.parametrize("method", [Method.JOINT, Method.DISTRIBUTED, Method.LOCAL, Method.CI])
+def test_step_by_step_is_the_same_as_at_once(method):
+    members = team()
+    data = records("ab")
+    ears, sources = {}, []
+    for name, other in (("a", "b"), ("b", "a")):
+        t, fixes, seen = data[name]
+        ears[name] = (
+            Ear(stream="fix", sensor=s.Position(), sigmas=FIX),
+            Ear(stream="eye", sensor=s.RelativePose(), sigmas=SEEN, partner=other, number=1.0),
+        )
+        sources += [
+            Source(robot=name, sensor=s.Position(), t=t, z=fixes, sigmas=np.array(FIX)),
+            Source(robot=name, sensor=s.RelativePose(), t=t, z=seen, sigmas=np.array(SEEN), partner=other),
+        ]
+    at = np.arange(1, 21) * 0.2
+    whole = fuse_team(members, sources, method, at, start=0.0)
+    crew = Crew(members, ears, method, START, Datum(lat=0.8, lon=0.1, alt=0.0))
+    for k in range(1, 21):
+        for name in "ab":
+            t, fixes, seen = data[name]
+            rows = (t > 0.2 * (k - 1) + 1e-6) & (t < 0.2 * k + 1e-6)
+            stamps = START + np.rint(t[rows] * 1e9).astype(np.int64)
+            news = [stream("fix", Kind.POSITION, stamps, fixes[rows]),
+                    stream("eye", Kind.RELATIVE_POSE, stamps, seen[rows])]  # fmt: skip
+            crew.take(name, START + round(0.2 * k * 1e9), news)
+    for name in "ab":
+        mine, theirs = np.array(crew.kept[name].pose), whole.x[name]
+        assert np.abs(mine[:, :2] - theirs[:, LAYOUT.state("position")]).max() < 1e-9
+        assert np.abs(mine[:, 3] - theirs[:, LAYOUT.state("heading")][:, 0]).max() < 1e-9
+        P = np.array(crew.kept[name].P)[:, [0, 1, 3]][:, :, [0, 1, 3]]
+        assert np.abs(P - whole.pose_covariance(name)).max() < 1e-9
+    assert sum(c["used"] for c in crew.counts().values()) == sum(
+        n for v, n in whole.counts().items() if v.name == "USED"
+    )
+
+
+def test_nobody_hears_of_what_has_not_been_handed_in():
+    crew = Crew(team(), {n: (Ear(stream="fix", sensor=s.Position(), sigmas=FIX),) for n in "ab"}, Method.JOINT, START,
+                Datum(lat=0.8, lon=0.1, alt=0.0))  # fmt: skip
+    fix = stream("fix", Kind.POSITION, np.array([START + 10**8]), np.array([[1.0, 0.0, 0.0]]))
+    crew.take("a", START + 2 * 10**8, [fix])
+    assert crew.now("a", START + 2 * 10**8).p[0] == 0.0  # b is still to come
+    crew.take("b", START + 2 * 10**8, [])
+    assert crew.now("a", START + 2 * 10**8).p[0] > 0.2
+    assert crew.counts()["a/fix Position"]["used"] == 1
+
+
+def test_a_record_that_is_no_number_changes_nothing():
+    crew = Crew(team(1), {"a": (Ear(stream="fix", sensor=s.Position(), sigmas=FIX),)}, Method.JOINT, START,
+                Datum(lat=0.8, lon=0.1, alt=0.0))  # fmt: skip
+    fix = stream("fix", Kind.POSITION, np.array([START + 10**8]), np.array([[np.nan, 9.0, 0.0]]))
+    crew.take("a", START + 2 * 10**8, [fix])
+    here = crew.now("a", START + 2 * 10**8)
+    assert np.allclose(here.p, 0.0) and np.isfinite(here.P).all()
+    assert crew.counts()["a/fix Position"]["used"] == 0
+
+
+def test_a_partner_that_is_nobody_is_named():
+    ear = Ear(stream="eye", sensor=s.RelativePose(), sigmas=SEEN, partner="zoe", number=1.0)
+    with pytest.raises(ConfigError, match="no robot 'zoe'"):
+        Crew(team(), {"a": (ear,), "b": ()}, Method.DISTRIBUTED, START, Datum(lat=0.8, lon=0.1, alt=0.0))
