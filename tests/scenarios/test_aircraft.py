@@ -30,7 +30,7 @@ def test_the_drone_returns_lands_on_the_pad_and_leaves_again():
     assert sum(text.startswith(Phase.CLIMB.value) for text in told) >= 2
     for r in done["robots"].values():
         assert r["position_m"] < 0.3 and r["nees_per_dof"] < 2.5
-        assert 0.05 < r["coverage"]["achieved"] <= r["coverage"]["reachable"] + 0.05
+        assert 0.0 < r["coverage"]["achieved"] <= r["coverage"]["reachable"] + 0.05
     assert all(c.distance > 0.1 for c in run.monitor.clearances.values())
 
 

@@ -138,9 +138,9 @@ def _inspectors(scenario: Scenario, world: World, put: Mapping[str, Put]) -> dic
         if vehicle is None:
             continue
         pad = None if section.pad is None else made_of(Pad, section.pad)
+        carried = tuple(_bare(_sensors(section, "", ("team", name))))
         out[name] = Inspector(
-            section=mission, vehicle=vehicle, carried=_sensors(section, "", ("team", name)), put=put[name], pad=pad,
-            on=section.on or "",
+            section=mission, vehicle=vehicle, carried=carried, put=put[name], pad=pad, on=section.on or "",
         )  # fmt: skip
     return out
 

@@ -31,8 +31,8 @@ AHEAD: Final = 1.0  # s that an estimate is carried on at most
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ear:
-    """How a stream of one robot is heard. columns : of its z, first and end;  sigmas : (m,), infinite: not in use;  partner : who is
-    seen, by `number` in the first column;  navigation : whether `Method.NONE` has it, too."""
+    """How a stream of one robot is heard. columns : of its z, first and end;  sigmas : (m,), infinite: not in use;
+    partner : who is seen, by `number` in the first column;  navigation : whether `Method.NONE` has it, too."""
 
     stream: str
     sensor: SensorModel
@@ -178,6 +178,15 @@ class Crew:
         kept.t.append(t)
         kept.pose.append(np.array([*k[K_P : K_P + 3], np.arctan2(k[K_R + 3], k[K_R])]))
         kept.P.append(rows @ f.belief.P[own, own] @ rows.T)
+
+    def jolt(self, robot: str, speed: float, tilt: float) -> None:
+        """It may be pushed as no sensor tells, as one that touches down: standard deviations, m/s and rad."""
+        f, _, _, own = self._view(robot)
+        layout = next(m for m in f.members if m.name == robot).belief.layout
+        for block, sigma in (("velocity", speed), ("pitch", tilt), ("roll", tilt)):
+            if block in layout:
+                rows = np.arange(own.start + layout.error(block).start, own.start + layout.error(block).stop)
+                f.belief.P[rows, rows] += sigma**2
 
     def now(self, robot: str, t: int) -> Fused:
         """Where a robot is at t [ns], carried on at its own velocity and yaw rate since the last step."""

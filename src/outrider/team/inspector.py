@@ -25,6 +25,8 @@ OVER_PAD: Final = 2.5  # m above the pad at which a drone lines up
 SINK: Final = 0.4  # m/s towards the pad
 TOUCH: Final = 0.12  # m/s onto it
 HALT: Final = 0.06  # m/s, slower than told to sink is standing
+NEAR: Final = 0.35  # m above the pad from where on it may touch at any moment
+JOLT: Final = (0.06, 0.01)  # m/s and rad by which that may push it, each period
 GENTLE: Final = 0.8  # m/s^2, of a drone's commands
 
 
@@ -256,6 +258,8 @@ class Drone:
 
     def _command(self, t: int, here: Fused) -> Floats:
         phase = self.flight.phase
+        if phase is Phase.DESCEND and self.sight.above[2] < NEAR:
+            self.crew.jolt(self.name, *JOLT)
         sinks = phase is Phase.DESCEND and here.v[2] > -HALT and self._told[2] <= -TOUCH
         self._sinking_s = self._sinking_s + self.period_s if sinks else 0.0
         if phase is Phase.DOCKED:

@@ -7,7 +7,7 @@ from typing import Final, final
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from outrider._kernel import kernel
 from outrider.core.solids import distance
@@ -36,7 +36,7 @@ class Body:
         gap = 2.0 * sqrt((self.radius + 0.02) ** 2 - self.radius**2)
         n = max(int(np.ceil(self.height / gap)), 1)
         step = self.height / n
-        return (np.arange(n) + 0.5) * step, float(np.hypot(self.radius, 0.5 * step))
+        return np.arange(n, dtype=np.float64) * step + 0.5 * step, float(np.hypot(self.radius, 0.5 * step))
 
 
 @kernel
@@ -95,7 +95,7 @@ class Places:
             what = f"the start has {float(self.clearance(p[:1])[0]):.2f} m of room" if len(p) else "there is no start"
             raise ConfigError(what, where="inspection", fix=f"it needs {body.margin:g} m: start elsewhere")
         self.p = np.ascontiguousarray(p[free])
-        pairs = cKDTree(self.p).query_pairs(reach, output_type="ndarray")
+        pairs = KDTree(self.p).query_pairs(reach, output_type="ndarray")
         pairs = pairs[self.passable(self.p[pairs[:, 0]], self.p[pairs[:, 1]])]
         length = np.linalg.norm(self.p[pairs[:, 0]] - self.p[pairs[:, 1]], axis=1)
         graph = csr_array((length, (pairs[:, 0], pairs[:, 1])), shape=(len(self.p),) * 2)

@@ -91,7 +91,7 @@ def inspect(table: Floats, on: Surface, task: Task) -> InspectionPlan:
     # places in order, and a path through them, no longer than there is time
     path = _within_time(table, places, shown, task)
     # where to look on the way; more slowly, as long as that shows more and there is time
-    reachable = shown.any(axis=0)
+    reachable: Bools = np.asarray(shown.any(axis=0), np.bool_)
     while True:
         t = np.arange(0.0, path.duration, task.camera.every_s)
         pictures = picture(table, task.camera, t, path.at(t)[0], on)
