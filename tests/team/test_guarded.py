@@ -168,6 +168,22 @@ def test_scans_may_come_at_any_rate_and_two_may_be_lost(every: int) -> None:
     assert g.interventions[Reason.NO_SCAN][0] == 1
 
 
+def test_a_robot_that_circles_at_its_goal_gives_it_up_and_says_so() -> None:
+    """Its planner drives a circle of 1 m before the goal for ever: 60 s, and what a metre takes, later."""
+    g = robot(Steady(np.array([0.5, 0.0, 0.5])))
+    answers = list[Answer]()
+    for k in range(900):
+        turned = 0.05 * k
+        at = np.array([11.0 + np.sin(turned), 1.0 - np.cos(turned), 0.0])
+        own = fused(p=at, v=0.5 * np.array([np.cos(turned), np.sin(turned), 0.0]), heading=turned, w=0.5)
+        answers += cycles(g, k, k + 1, own=own)
+    given_up = [k for k, a in enumerate(answers) if a.state is Drive.UNREACHABLE]
+    assert given_up and 600 < given_up[0] < 850 and given_up == list(range(given_up[0], 900))
+    assert "comes no nearer" in answers[-1].reason and not answers[-1].twist.any()
+    g.driver.go(np.array([11.0, 0.0, np.nan]))
+    assert cycles(g, 900, 901, own=own)[-1].state is Drive.UNDER_WAY  # another goal, another try
+
+
 def test_a_command_that_is_not_finite_never_reaches_the_motors() -> None:
     wants = Steady(FAST)
     g = robot(wants)

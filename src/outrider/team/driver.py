@@ -26,6 +26,7 @@ from outrider.planning.replan import Choice, Replanning
 from outrider.planning.traversal import Traversal
 from outrider.team.lawful import obeyed
 from outrider.team.navigator import Fused
+from outrider.team.progress import Progress, drives, way_left
 from outrider.team.sight import Sight
 from outrider.typing import Floats
 
@@ -34,6 +35,8 @@ NONE: Final = np.empty((0, 5))
 URGENT_S: Final = 0.5  # s between plans where the path is blocked or leads nowhere
 MARKING: Final = Marking(mark=5.0, clear=9.0)  # what moves is known by coming to where beams have passed
 LAST: Final = 1.5  # m before a goal from where on its heading is the robot's choice, if it is free
+SLOW: Final = 0.2  # of its speed: a detour takes no longer
+IN_VAIN: Final = "it drives and comes no nearer to the goal"
 OUT: Final = 1.0  # m that a plan may start beside a robot that stands too near to something
 
 
@@ -71,12 +74,14 @@ class Answer:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriverSettings:
     """window : m, side of the square around the robot in which obstacles are seen;  patience_s : how long it waits for
-    something to go away before a goal counts as out of reach;  replan_s : s between looks for a better path;
+    something to go away before a goal counts as out of reach;  progress_s : s that it drives without coming nearer
+    before it does, and longer on a detour;  replan_s : s between looks for a better path;
     better, least : share and metres of free ground that it must save;  stale_s : s without a scan after which the robot
     is blind;  sigma : m, standard deviation of its position above which it does not know where it is."""
 
     window: float = 12.0
     patience_s: float = 30.0
+    progress_s: float = 60.0
     replan_s: float = 2.0
     better: float = 0.15
     least: float = 1.0
@@ -117,6 +122,7 @@ class Driver:
         self._planned_s = self._moved_s = -np.inf
         self.plans, self.choices = 0, dict.fromkeys(Choice, 0)
         self.legs = {"roads": 0, "open ground": 0}
+        self._progress = self._watch()
 
     @property
     def costmap(self) -> Costmap:
@@ -134,6 +140,7 @@ class Driver:
         if not same:
             self._goal, self._path, self._plan = goal, None, None
             self._planned_s = self._moved_s = -np.inf
+            self._progress = self._watch()
 
     def step(
         self, t_s: float, here: Fused, scans: Sequence[Scan] = (), others: Sequence[Other] = (), moving: Floats = NONE
@@ -151,8 +158,9 @@ class Driver:
         if not path.found:
             return self._lost(t_s, path)
         # the trajectory along it
-        self._plan = self._local.plan(self._situation(t_s, here, pose, path, moving), self._plan)
-        return self._within_zones(self._told(t_s, self._plan), pose, path)
+        now = self._situation(t_s, here, pose, path, moving)
+        self._plan = self._local.plan(now, self._plan)
+        return self._within_zones(self._watched(self._told(t_s, self._plan), now), pose, path)
 
     def _within_zones(self, answer: Answer, pose: Floats, path: Path) -> Answer:
         """The answer with what the zones of the site leave of its command."""
@@ -229,6 +237,21 @@ class Driver:
         if t_s - self._moved_s > self._settings.patience_s:
             state = Drive.UNREACHABLE
         return Answer(state=state, twist=plan.twist, reason=plan.reason, path=self._path, plan=plan)
+
+    def _watch(self) -> Progress:
+        return Progress(patience_s=self._settings.progress_s, slow=SLOW * self.limits.forward)
+
+    def _watched(self, answer: Answer, now: Situation) -> Answer:
+        """The answer, unless the robot drives in vain: then it stops, and the goal is out of reach."""
+        if answer.state is Drive.ARRIVED:
+            self._progress = self._watch()
+        if answer.state is not Drive.UNDER_WAY:
+            return answer
+        counts = drives(now.twist, answer.twist)
+        if not self._progress.step(now.time, way_left(now.path, now.pose[:2]), drives=counts):
+            return answer
+        why = f"{IN_VAIN}: {self._progress.least:.1f} m of way were left at best"
+        return replace(answer.at_rest, state=Drive.UNREACHABLE, reason=why)
 
 
 def zoned(
