@@ -9,7 +9,7 @@ from shapely import LineString, box
 from outrider.data.grid import FREE, LETHAL, UNKNOWN
 from outrider.data.scan import Scan
 from outrider.errors import ConfigError, DataError
-from outrider.mapping.obstacles import Marking, observe
+from outrider.mapping.obstacles import HIT, MOST, NEVER, Marking, look_up, observe
 
 SIZE, SIDE = 21, 0.1
 MARKING = Marking(mark=2.0, clear=2.5)
@@ -127,3 +127,27 @@ def test_a_scan_without_a_sense_is_refused(fault):
     good = {"pose": MIDDLE, "bearings": np.zeros(1), "ranges": np.ones(1), "reach": 10.0}
     with pytest.raises(DataError, match="scan"):
         Scan(**{**good, **fault})
+
+
+def test_how_often_cells_were_hit(rng: np.random.Generator) -> None:
+    """Against the same in numpy: every free cell of the box counts down, every cell that was hit counts up once."""
+    cells, held, plain = blank(), blank(NEVER), blank(NEVER)
+    bearings = np.linspace(-np.pi, np.pi, 90, endpoint=False)
+    for _ in range(30):
+        ranges = np.where(rng.random(90) < 0.2, np.inf, rng.uniform(0.3, 2.2, 90))
+        scan = Scan(pose=MIDDLE, bearings=bearings, ranges=ranges, reach=2.4)
+        r0, r1, c0, c1 = observe(cells, SIDE, np.zeros(2), scan, MARKING, held)
+        box_, free = plain[r0:r1, c0:c1], cells[r0:r1, c0:c1] == FREE
+        box_[free] = np.where(box_[free] == NEVER, 0, np.maximum(box_[free].astype(int) - 1, 0))
+        col, row = np.unique(np.floor(scan.hits(MARKING.mark) / SIDE).astype(int), axis=0).T
+        inside = (col >= 0) & (col < SIZE) & (row >= 0) & (row < SIZE)
+        at = row[inside], col[inside]
+        plain[at] = np.where(plain[at] == NEVER, NEVER, np.minimum(plain[at].astype(int) + HIT, MOST))
+        np.testing.assert_array_equal(held, plain)
+    assert len(set(held.ravel().tolist())) > 5 and held[held < NEVER].max() <= MOST
+
+
+def test_cells_are_looked_up_where_points_lie():
+    cells, out = np.arange(6, dtype=np.uint8).reshape(2, 3), np.empty(4, np.uint8)
+    look_up(cells, 1.0, 2.0, 0.5, np.array([[1.1, 2.1], [2.4, 2.9], [0.9, 2.1], [1.1, 3.0]]), 77, out)
+    assert out.tolist() == [0, 5, 77, 77]

@@ -13,7 +13,7 @@ from outrider.data.grid import FREE, LETHAL, OCCUPIED, UNKNOWN, Costmap, Grid
 from outrider.data.scan import Scan
 from outrider.errors import ConfigError, DataError
 from outrider.mapping.inflation import Inflater, Inflation
-from outrider.mapping.obstacles import Box, Marking, observe
+from outrider.mapping.obstacles import NEVER, TWICE, Box, Marking, look_up, observe
 from outrider.mapping.outlines import stamp
 from outrider.typing import Floats
 
@@ -21,10 +21,6 @@ Cells = NDArray[np.uint8]
 Other = tuple[Footprint, Floats]
 """Another robot: its footprint, and its pose (3,), east, north [m] and heading [rad]."""
 
-HIT: Final = np.uint8(3)  # times that a beam must pass for each that ended in a cell, to make up for it
-TWICE: Final = np.uint8(6)  # hits that are of no account
-MOST: Final = np.uint8(30)  # hits that are remembered
-NEVER: Final = np.uint8(255)  # no beam has passed
 _LARGEST: Final = 1 << 28  # cells of a costmap
 
 
@@ -132,7 +128,8 @@ class LayeredCostmap:
         others = list(others)
         _refuse_unusable(scans, pose, others)
         boxes = self._move(pose)
-        boxes += [self._observe(scan) for scan in scans]
+        origin = self.origin
+        boxes += [observe(self._seen, self.resolution, origin, scan, self._marking, self._held) for scan in scans]
         if self._footprint is not None and pose is not None:
             boxes.append(self._stand(self._footprint, pose))
         boxes += [box for box, *_ in self._others]
@@ -142,11 +139,7 @@ class LayeredCostmap:
 
     def passed(self, points: Floats) -> NDArray[np.bool_]:
         """(n,) whether beams pass where the points (n, 2) m are, as a rule: it was hit twice at most."""
-        cells = np.floor((points - self.origin) / self.resolution).astype(np.int64)[:, ::-1]
-        inside = ((cells >= 0) & (cells < self._shape)).all(axis=1)
-        out = np.zeros(len(points), np.bool_)
-        out[inside] = self._held[tuple(cells[inside].T)] <= TWICE
-        return out
+        return self._at(self._held, points, NEVER) <= TWICE
 
     def drawn(self, points: Floats) -> NDArray[np.bool_]:
         """(n,) whether the points (n, 2) m lie on what the drawn map says is taken."""
@@ -156,12 +149,10 @@ class LayeredCostmap:
         """(n,) whether the points (n, 2) m lie on what stands now."""
         return self._at(self._out, points) == LETHAL
 
-    def _at(self, cells: Cells, points: Floats) -> Cells:
-        """(n,) the cells in which points lie, `UNKNOWN` beyond them."""
-        at = np.floor((points - self.origin) / self.resolution).astype(np.int64)[:, ::-1]
-        inside = ((at >= 0) & (at < self._shape)).all(axis=1)
-        out = np.full(len(points), UNKNOWN, np.uint8)
-        out[inside] = cells[tuple(at[inside].T)]
+    def _at(self, cells: Cells, points: Floats, beyond: int = UNKNOWN) -> Cells:
+        """(n,) the cells in which points lie, `beyond` outside of them."""
+        out, (west, south) = np.empty(len(points), np.uint8), self.origin.tolist()
+        look_up(cells, west, south, self.resolution, np.ascontiguousarray(points), beyond, out)
         return out
 
     def replace_zones(self, keep_out: Cells | None) -> None:
@@ -177,19 +168,6 @@ class LayeredCostmap:
     def rebuild(self) -> None:
         """Compute every cell anew; changes nothing that `update` did right."""
         self._refresh([self._whole])
-
-    def _observe(self, scan: Scan) -> Box:
-        """Enter a scan, and remember how often cells are hit: what flickers at the edge of a wall is not free."""
-        r0, r1, c0, c1 = box = observe(self._seen, self.resolution, self.origin, scan, self._marking)
-        held, free = self._held[r0:r1, c0:c1], self._seen[r0:r1, c0:c1] == FREE
-        np.copyto(held, 0, where=free & (held == NEVER))
-        np.subtract(held, 1, out=held, where=free & (held > 0))
-        ends = np.floor((scan.hits(self._marking.mark) - self.origin) / self.resolution).astype(np.int64)[:, ::-1]
-        ends = ends[((ends >= 0) & (ends < self._shape)).all(axis=1)]
-        flat, cells = self._held.reshape(-1), np.unique(ends @ [self._shape[1], 1])
-        count = flat[cells]
-        flat[cells] = np.where(count == NEVER, NEVER, np.minimum(count + HIT, MOST))
-        return box
 
     def _move(self, pose: Floats | None) -> list[Box]:
         """Shift the window so that the robot is in its middle; the whole of it has then changed."""
