@@ -28,7 +28,7 @@ DRAWING: dict[str, Any] = {
     ],
     "routes": {"nodes": {"in": [0, 0], "out": [LONG, 0]}, "ways": [{"way": ["in", "out"], "width": 2.0}]},
 }
-DRIVE = {"forward": 0.8, "sideways": 0.4, "acceleration": 0.8, "driver": {"patience_s": 90.0}}
+DRIVE = {"forward": 1.0, "sideways": 0.4, "acceleration": 0.8, "driver": {"patience_s": 90.0}}
 WEST, EAST = ([-8.0, 0.5], [-8.0, -3.0], [-8.0, 3.0]), ([LONG + 8.0, -1.5], [LONG + 8.0, 3.0], [LONG + 8.0, -3.0])
 
 

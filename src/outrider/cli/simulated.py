@@ -105,16 +105,25 @@ def _mission(mission: Mapping[str, Any]) -> None:
             str(a["alert"]), f"({a['east_m']:.1f}, {a['north_m']:.1f})", escape(a["source"] or NONE),
             _seconds(a["raised_s"]), escape(a["robot"] or NONE), _seconds(a["sent_s"]), _seconds(a["there_s"]),
             _seconds(a["response_s"]), _metres(a["way_m"]), _metres(a["driven_m"]),
-            Text(a["text"], "" if a["state"] == "observed" else "yellow" if a["state"] not in VAIN else "red"),
+            Text(_end(a), "" if a["state"] == "observed" else "yellow" if a["state"] not in VAIN else "red"),
         )  # fmt: skip
     if mission["alerts"]:
         print_table(out, table)
+    for a in mission["alerts"]:
+        for back in a["returned"]:
+            told = f"alert {a['alert']}: given back by {back['robot']} at {back['t_s']:.1f} s: {back['text']}"
+            out.print(Text(told, "yellow"))
     for name, r in mission["robots"].items():
-        out.print(Text(f"{name}: {r['duty']['text']}, battery at {100.0 * r['battery']:.0f} %"))
+        legs = ", ".join(f"{n} over {where}" for where, n in r["legs"].items() if n) or "none"
+        out.print(Text(f"{name}: {r['duty']['text']}, battery at {100.0 * r['battery']:.0f} %, legs: {legs}"))
     if mission["bad_lines"]:
         lines = "line" if mission["bad_lines"] == 1 else "lines"
         told = f"{mission['bad_lines']} {lines} of alerts could not be used: see the notes of the report"
         out.print(Text(told, "yellow"))
+
+
+def _end(a: Mapping[str, Any]) -> str:
+    return a["text"] if a["repeats"] is None else f"{a['text']} ({a['repeats']})"
 
 
 def _seconds(value: float | None) -> str:

@@ -157,9 +157,15 @@ def _track(robot: Mapping[str, Any]) -> str:
 
 
 def _mission(mission: Mapping[str, Any], window: Window, unit: float, hues: Mapping[str, str]) -> str:
-    """Passages, rounds, and alerts: a cross, within two deviations of where it was said to be."""
+    """Passages, zones, rounds, and alerts: a cross, within two deviations of where it was said to be."""
     corner, flip = np.array([window.west, window.north]), np.array([1.0, -1.0])
     out = [f'<path class="passage" d="{_path((np.array(p) - corner) * flip)}Z"/>' for p in mission["passages"]]
+    for z in mission["zones"]:
+        told = f"{z['speed_mps']:g} m/s" if z["kind"] == "speed" else f"one way, {z['heading_deg']:.0f} deg"
+        outline, words = _path((np.array(z["area"]) - corner) * flip), escape(f"{z['name'] or 'zone'}: {told}")
+        middle = ((np.array(z["area"]).mean(axis=0) - corner) * flip).tolist()
+        label = f'<text x="{middle[0]:.2f}" y="{middle[1]:.2f}">{words}</text>'
+        out.append(f'<g class="zone"><path d="{outline}Z"/>{label}</g>')
     for name, r in mission["robots"].items():
         way = _path((np.array(r["stops"]) - corner) * flip)
         out.append(f'<path class="round" style="stroke:{hues[name]}" d="{way}Z"/>')

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from outrider.data.alerts import AlertState
+from outrider.mapping.zones import Zones
 from outrider.scenarios.build import Cast
 from outrider.sim.engine import Simulation
 from outrider.sim.truth import Truth
@@ -49,7 +50,20 @@ def mission(cast: Cast, run: Simulation) -> dict[str, Any] | None:
             for name, p in patrols.items()
         },
         "passages": [p.tolist() for p in passages],
+        "zones": _zones(next(iter(patrols.values())).body.driver.zones),
     }
+
+
+def _zones(zones: Zones | None) -> list[dict[str, Any]]:
+    """Where robots go slowly, or one way only."""
+    if zones is None:
+        return []
+    slow = [{"kind": "speed", "name": s.name, "area": s.points.tolist(), "speed_mps": s.speed} for s in zones.speed]
+    lanes = [
+        {"kind": "one_way", "name": s.name, "area": s.points.tolist(), "heading_deg": float(np.degrees(s.heading))}
+        for s in zones.one_way
+    ]
+    return slow + lanes
 
 
 def _alert(run: Simulation, e: Entry) -> dict[str, Any]:
@@ -75,6 +89,8 @@ def _alert(run: Simulation, e: Entry) -> dict[str, Any]:
         "response_s": (there[0] - a.t) * 1e-9 if there else None,
         "way_m": e.way if sent and np.isfinite(e.way) else None,
         "driven_m": _driven(run.truth[sent[2]], sent[0], there[0]) if sent and there and sent[0] < there[0] else None,
+        "repeats": e.twin if e.twin >= 0 else None,
+        "returned": [{"t_s": seconds(t), "robot": who, "text": why} for t, who, why in e.returned],
         "view": None if e.view is None else e.view.tolist(),
     }  # fmt: skip
 

@@ -112,7 +112,7 @@ class Driver:
         self._planner, self._settings, self._traversal = planner, settings, traversal
         self._local = Yielding(planner=local, footprint=footprint, settings=YieldSettings(period=period_s))
         s = settings
-        self._zones = zones
+        self.zones = zones
         costs = zoned(ground, zones, inflation, footprint, speed=local.limits.forward, weight=traversal.weight)
         self._sight = Sight(costs, sees=sees, window=s.window, stale_s=s.stale_s, sigma=s.sigma)
         self._replanning = Replanning(better=s.better, least=s.least)
@@ -164,9 +164,9 @@ class Driver:
 
     def _within_zones(self, answer: Answer, pose: Floats, path: Path) -> Answer:
         """The answer with what the zones of the site leave of its command."""
-        if self._zones is None:
+        if self.zones is None:
             return answer
-        twist, why = obeyed(self._zones, answer.twist, pose, path.points, self.limits)
+        twist, why = obeyed(self.zones, answer.twist, pose, path.points, self.limits)
         return replace(answer, twist=twist, reason=why or answer.reason)
 
     def _route(self, t_s: float, p: Floats) -> Path:

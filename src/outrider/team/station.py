@@ -20,6 +20,7 @@ from outrider.team.words import ASK, CANCEL, GRANT, STATUS, Status, number_messa
 from outrider.typing import Floats, Ints
 
 SILENT_S: Final = 5.0  # s without a status after which a robot is not counted on
+SILENT: Final = "nothing was heard of the robot any more"
 BECAME: Final = {
     Ended.OBSERVED: AlertState.OBSERVED,
     Ended.CANCELLED: AlertState.CANCELLED,
@@ -40,7 +41,8 @@ class Feed(Protocol):
 @dataclass(frozen=True, slots=True)
 class Entry:
     """An alert in the book. tried : robots that cannot get there;  view, cost, way : (3,) where the last robot was sent
-    to, and its way there, in metres of free ground and in metres;  log : (t ns, state, robot)."""
+    to, and its way there, in metres of free ground and in metres;  log : (t ns, state, robot);  returned : those who
+    gave it back (t ns, robot, why);  twin : the alert that it repeats, -1 for none."""
 
     alert: Alert
     state: AlertState = AlertState.WAITING
@@ -51,6 +53,8 @@ class Entry:
     cost: float = np.inf
     way: float = np.inf
     log: tuple[tuple[int, AlertState, str], ...] = ()
+    returned: tuple[tuple[int, str, str], ...] = ()
+    twin: int = -1
 
     def became(self, t: int, state: AlertState, robot: str = "", **changes: object) -> "Entry":
         """The entry with one more line."""
@@ -134,7 +138,8 @@ class Station:
         state = BECAME.get(how, AlertState.WAITING)
         tried = e.tried | ({e.robot} if how is Ended.UNREACHABLE else frozenset[str]())
         robot = e.robot if state.ended else ""
-        self.book[e.alert.number] = e.became(t, state, robot, order=None, tried=tried)
+        returned = e.returned if state.ended else (*e.returned, (t, e.robot, how.value))
+        self.book[e.alert.number] = e.became(t, state, robot, order=None, tried=tried, returned=returned)
 
     def _take(self, t: int) -> list[str]:
         """Book what has come; what to say about it."""
@@ -146,7 +151,8 @@ class Station:
             state = AlertState.WAITING if twin is None else AlertState.DUPLICATE
             known = alert.number in self.book or alert.number < 0
             number = max(self.book, default=0) + 1 if known else alert.number
-            self.book[number] = Entry(replace(alert, number=number)).became(t, state)
+            entry = Entry(replace(alert, number=number), twin=-1 if twin is None else twin.alert.number)
+            self.book[number] = entry.became(t, state)
             notes.append(f"alert {number} at ({alert.p[0]:.1f}, {alert.p[1]:.1f}) m from {alert.source or 'somebody'}")
         for number in news.cancelled:
             entry = self.book.get(number)
@@ -165,7 +171,8 @@ class Station:
         for number, e in self.book.items():
             late = t - e.alert.t > e.alert.patience_s * 1e9
             if e.state in (AlertState.ASSIGNED, AlertState.ON_SCENE) and not self._fresh(t, e.robot):
-                self.book[number] = e = e.became(t, AlertState.WAITING, order=None)
+                returned = (*e.returned, (t, e.robot, SILENT))
+                self.book[number] = e = e.became(t, AlertState.WAITING, order=None, returned=returned)
             if e.state is AlertState.WAITING and late:
                 self.book[number] = e.became(t, AlertState.TIMED_OUT)
         for robot in self._heard:
