@@ -1,5 +1,7 @@
 """Roads against networkx, and where they meet the open ground."""
 
+from dataclasses import replace
+
 import networkx as nx
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ from outrider.data.grid import LETHAL, Costmap
 from outrider.data.routes import Path, PathOutcome, RouteGraph
 from outrider.errors import ConfigError, UsageError
 from outrider.planning.astar import AStar
-from outrider.planning.refine import cost_along
+from outrider.planning.refine import cost_along, lawful
 from outrider.planning.roads import RoadPlanner, quickest
 from outrider.planning.traversal import Traversal
 
@@ -98,6 +100,47 @@ class Refuse:
         if np.hypot(*(goal - start)) > 10.0:
             return Path(outcome=PathOutcome.NO_WAY)
         return AStar().plan(costmap, start, goal, budget_s=budget_s)
+
+
+class Asked:
+    """Notes how far it is asked to go over open ground."""
+
+    def __init__(self) -> None:
+        self.legs: list[float] = []
+
+    def plan(self, costmap: Costmap, start: np.ndarray, goal: np.ndarray, *, budget_s: float = np.inf) -> Path:
+        self.legs.append(float(np.hypot(*(goal - start))))
+        return AStar().plan(costmap, start, goal, budget_s=budget_s)
+
+
+def test_long_legs_take_the_roads_and_short_ones_the_open_ground() -> None:
+    cells, start, goal = np.zeros((20, 61), np.uint8), np.array([5.5, 8.5]), np.array([55.5, 8.5])
+    far, near = Asked(), Asked()
+    path = RoadPlanner(graph=LANE, planner=far, speed=2.0, near=40.0, far=40.0, nearby=1).plan(
+        costmap(cells), start, goal
+    )
+    assert path.nodes == (0, 1, 2) and max(far.legs) < 10.0
+    path = RoadPlanner(graph=LANE, planner=near, speed=2.0, near=60.0, far=60.0).plan(costmap(cells), start, goal)
+    assert path.nodes == () and near.legs == [50.0]
+
+
+def test_long_legs_without_a_road_take_the_open_ground() -> None:
+    cells = np.zeros((20, 61), np.uint8)
+    cells[8:10, 30] = LETHAL  # on the road
+    path = RoadPlanner(graph=LANE, planner=AStar(), speed=2.0, near=40.0, far=40.0).plan(
+        costmap(cells), np.array([5.5, 8.5]), np.array([55.5, 8.5])
+    )
+    assert path.found and path.nodes == ()
+
+
+def test_a_road_that_leads_against_a_one_way_zone_is_not_taken() -> None:
+    cells = np.zeros((20, 61), np.uint8)
+    west = np.uint8(sum(1 << d for d in (2, 3, 4, 5, 6)))
+    ways = np.full(cells.shape, 255, np.uint8)
+    ways[6:11, 25:35] = west
+    one = replace(costmap(cells), ways=ways)
+    path = RoadPlanner(graph=LANE, planner=AStar(), speed=2.0).plan(one, np.array([5.5, 8.5]), np.array([55.5, 8.5]))
+    assert path.found and path.nodes == () and lawful(one, path.points)
 
 
 def test_a_start_outside_is_named() -> None:

@@ -124,6 +124,8 @@ def test_what_becomes_of_an_alert_when_a_response_ends(how: Ended, then: AlertSt
     at(s, 2.0, said("a", 2.0, (6.0, 9.0), ended=[(order_of(message).number, how)]))
     at(s, 2.5)
     assert s.book[1].state is then
+    back = [(robot, why) for _, robot, why in s.book[1].returned]
+    assert back == ([] if how in (Ended.CANCELLED, Ended.TIMED_OUT) else [("a", how.value)])
 
 
 def test_a_silent_robot_is_replaced_and_called_off_when_it_is_back() -> None:

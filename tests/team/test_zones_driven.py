@@ -58,6 +58,8 @@ def test_a_speed_zone_is_entered_slowly_and_left_at_speed() -> None:
     zone = {"name": "school", "area": SLOW, "speed": SPEED}
     run = drives(street(zone), (0.0, 0.0, 0.0), [[26.0, 0.0]], 45.0)
     x, v = run.truth["r1"].p[:, 0], speeds(run)
+    now = np.hypot(*run.truth["r1"].v[:, :2].T)
+    assert now[(x > 0.9) & (x < 1.1)].min() > 0.9  # as fast as its acceleration allows, at five commands a second
     inside = (x > 8.2) & (x < 13.8)
     assert inside.any() and v[inside].max() <= 1.02 * SPEED and v[inside].mean() > 0.85 * SPEED
     assert v[(x > 3.0) & (x < 6.5)].max() > 0.7 and v[x > 16.0].max() > 0.7

@@ -13,6 +13,7 @@ from outrider.data.grid import LETHAL, Grid
 from outrider.data.site import Shape
 from outrider.typing import Bools, Floats
 
+ASIDE: Final = 0.3  # m
 _HAIR: Final = 1e-9  # a right angle is not against
 _DEAREST: Final = 252  # of the cells that may be crossed
 _STEPS: Final = ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1))  # rows, columns
@@ -58,13 +59,14 @@ class Zones:
     def ways(self) -> NDArray[np.uint8] | None:
         """(rows, cols) bits of the directions in which cells may be left (see `Costmap`), None where all may.
 
-        A step is barred that begins or ends in a one-way zone and goes against it.
+        A step is barred that begins or ends in a one-way zone, or within `ASIDE` of it, and goes against it: a robot
+        that goes along its edge is not to stray into it.
         """
         if not self.one_way:
             return None
         out = np.full(self.keep_out.shape, 255, np.uint8)
         for shape in self.one_way:
-            within = self._within(shape)
+            within = self._within(shape, ASIDE)
             padded = np.pad(within, 1)
             for d in np.flatnonzero(np.cos(0.25 * np.pi * np.arange(8) - shape.heading) < -_HAIR).tolist():
                 row, col = _STEPS[d]
@@ -88,11 +90,12 @@ class Zones:
             out[within] = np.maximum(out[within], np.uint8(round(cost)))
         return out
 
-    def _within(self, shape: Shape) -> Bools:
-        """(rows, cols) whether the middle of a cell is in a shape."""
+    def _within(self, shape: Shape, aside: float = 0.0) -> Bools:
+        """(rows, cols) whether the middle of a cell is in a shape, or no further than `aside` [m] from it."""
         rows, cols = self.keep_out.shape
         x, y = (self.on.origin[k] + (np.arange(n) + 0.5) * self.on.resolution for k, n in enumerate((cols, rows)))
-        return shapely.contains_xy(shapely.Polygon(shape.points, [*shape.holes]), *np.meshgrid(x, y))
+        area = shapely.Polygon(shape.points, [*shape.holes]).buffer(aside)
+        return shapely.contains_xy(area, *np.meshgrid(x, y))
 
 
 def _holds(shape: Shape, p: Floats) -> bool:

@@ -156,9 +156,9 @@ def lawful(costmap: Costmap, points: Floats) -> bool:
     if costmap.ways is None:
         return True
     fine = resample(points, 0.5 * costmap.resolution)
-    gap = np.diff(fine, axis=0)
-    gap, fine = gap[(gap != 0.0).any(axis=1)], fine[:-1][(gap != 0.0).any(axis=1)]
-    cell = np.clip(costmap.cell_of(fine + 0.5 * gap), 0, np.array(costmap.cells.shape) - 1)
+    cell = np.clip(costmap.cell_of(fine), 0, np.array(costmap.cells.shape) - 1)
+    leaves = (cell[1:] != cell[:-1]).any(axis=1)
+    gap, cell = np.diff(fine, axis=0)[leaves], cell[:-1][leaves]
     ways = costmap.ways[tuple(cell.T)].astype(np.int64)
     eighth = np.arctan2(gap[:, 1], gap[:, 0]) / (0.25 * np.pi)
     low, high = np.floor(eighth + _SAME).astype(np.int64), np.ceil(eighth - _SAME).astype(np.int64)

@@ -131,7 +131,7 @@ class RoadPlanner:
 
     def _better(self, best: Path, first: Path, route: Route, last: Path) -> Path:
         cost = first.cost + route.seconds * self.speed + last.cost
-        if not route.nodes or (best.found and best.cost <= cost):
+        if len(route.nodes) < 2 or (best.found and best.cost <= cost):
             return best
         points = np.concatenate([first.points, self.graph.nodes[list(route.nodes)], last.points])
         keep = np.concatenate([[True], np.hypot(*np.diff(points, axis=0).T) > 0.0])

@@ -146,6 +146,14 @@ def search(
             k = _note(found, k, labels, far_right, d + 6, own + r)
             k = _note(found, k, labels, left, d + 1, diagonal + (int(diagonals[cells[left]]) | ((a | s) & forbid)))
             k = _note(found, k, labels, right, d + 7, diagonal + (int(diagonals[cells[right]]) | ((a | r) & forbid)))
+        if every != 0:  # what is cheaper from where this came from may not be allowed from there
+            for turn in range(3, 6, 2):
+                n, s = c + int(around[d + turn]), int(straights[cells[c + around[d + turn + 1]]])
+                if (d + turn) & 1:
+                    s |= int(straights[cells[c + around[d + turn + 7]]])
+                    k = _note(found, k, labels, n, d + turn, diagonal + (int(diagonals[cells[n]]) | (s & forbid)))
+                else:
+                    k = _note(found, k, labels, n, d + turn, own + int(straights[cells[n]]))
         ways = int(allowed[c & every])
         for i in range(k):
             d, label = int(found[i]), int(found[i + 8])
