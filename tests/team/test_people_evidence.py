@@ -18,7 +18,8 @@ over a yard on its own estimate (GNSS, wheels, IMU), with a lidar of 360 beams a
 people of 0.3 m at 1.4 m/s per run, drawn by `outrider.sim.places.crowd`: half cross its way, the others walk along it,
 with it or against it; 40 % of them stop for 3 to 8 s. They look at nothing, and are where the robot would be alone
 within 2 s of it. A contact with a robot that moves (above 0.02 m/s) is the robot's fault; one with a robot
-that stands is not, and is counted as well. Free time: without people.
+that stands is not, and is counted as well. What stands alone is passed no faster than the robot can stop within the gap
+to it. Free time: without people.
 """
 
 
