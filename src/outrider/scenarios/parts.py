@@ -11,7 +11,17 @@ from outrider.models.vehicles import Differential, Mecanum, Multirotor, Pad, Rot
 from outrider.scenarios.driving import GotoMission
 from outrider.scenarios.inspecting import InspectMission
 from outrider.scenarios.patrolling import PatrolMission, StationMission, site
-from outrider.scenarios.sections import STRICT, Number, Part, Table, bounded, inner_section, section_of, tagged
+from outrider.scenarios.sections import (
+    STRICT,
+    MadePart,
+    Number,
+    Part,
+    Table,
+    bounded,
+    inner_section,
+    section_of,
+    tagged,
+)
 from outrider.sim import places, sensors
 from outrider.sim.monitor import Hull
 from outrider.sim.radio import Radio
@@ -78,7 +88,7 @@ def place_section(name: str, place: Callable[..., World]) -> Any:
         if p.name not in SET_BY_THE_FILE
     }
     about = " ".join((place.__doc__ or "").split("\n\n")[0].split())
-    return create_model(name, __base__=Part, __doc__=about, type=(Literal[name], ...), **given)  # type: ignore[valid-type]
+    return create_model(name, __base__=MadePart, __doc__=about, type=(Literal[name], ...), **given)  # type: ignore[valid-type]
 
 
 def _one_of(sections: list[Any]) -> Any:

@@ -85,6 +85,12 @@ class Part(BaseModel):
         return given
 
 
+class MadePart(Part):
+    """A section that has no source to look for the words of its keys in, which takes seconds for all of them."""
+
+    model_config = ConfigDict(use_attribute_docstrings=False)
+
+
 def section_of(cls: type[Any], *, tag: str = "", skip: tuple[str, ...] = ()) -> type[Part]:
     """The section that describes an instance of a dataclass; with `tag`, its key `type` holds that word."""
     hints = get_type_hints(cls)
@@ -98,7 +104,7 @@ def section_of(cls: type[Any], *, tag: str = "", skip: tuple[str, ...] = ()) -> 
             made[f"{f.name}_deg"] = (kind | None, None)
         if f.name == "mount":
             made["mount_rpy_deg"] = (tuple[Number, Number, Number] | None, None)
-    return create_model(cls.__name__, __base__=Part, __doc__=_first_sentence(cls), **made)
+    return create_model(cls.__name__, __base__=MadePart, __doc__=_first_sentence(cls), **made)
 
 
 @cache
