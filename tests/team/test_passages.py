@@ -46,13 +46,15 @@ def test_narrow_ways_are_passages_up_to_the_edge_of_the_wide_ones() -> None:
 
 
 @pytest.mark.compiled
-@pytest.mark.parametrize(("third", "seconds"), [(False, 36.0), (True, 50.0)])
+@pytest.mark.parametrize(("third", "seconds"), [(False, 36.0), (True, 54.0)])
 def test_robots_that_meet_at_1_mps_go_one_after_the_other(third: bool, seconds: float) -> None:
-    run = cast(swapping(third=third), seconds).run()
+    run = cast(swapping(7.0, third, turned=int(third)), seconds, seed=5).run()
     names = [name for name in run.truth if name != "station"]
     assert run.ending is Ending.TIME and together(run) == 0
     assert min(crossings(run, name) for name in names) >= 1
     assert all(run.monitor.separations[pair].distance > 0.1 for pair in combinations(names, 2))
+    order = [n.text.split("; ")[-1].split("'")[0][-2:] for n in run.notes if "passage 0 is" in n.text]
+    assert all(set(order[k : k + len(names)]) == set(names) for k in range(len(order) - len(names) + 1))  # in turn
     assert max(float(np.hypot(*run.truth[name].v[:, :2].T).max()) for name in names) > 0.95
 
 

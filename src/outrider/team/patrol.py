@@ -23,6 +23,7 @@ LOOK_AHEAD: Final = 8.0  # m of path within which a passage is asked for
 WAIT_BEFORE: Final = 3.0  # m to a passage at which the robot waits: others come out past it
 REACTION_S: Final = 0.4  # s until a robot brakes
 GRANTED_S: Final = 2.0  # s for which a grant holds that is not said again
+PATHLESS_S: Final = 10.0  # s for which a robot without a path keeps a passage that it was granted
 
 
 @final
@@ -65,6 +66,7 @@ class Patrol:
     _answer: Answer = field(default_factory=lambda: Answer(state=Drive.IDLE))
     _granted: tuple[int, int] = (-1, 0)
     _wanted: int = -1
+    _led: int = 0  # ns, when it last had a path
     _ended: tuple[tuple[int, Report], ...] = ()
     _said: int = -(10**18)
 
@@ -132,13 +134,21 @@ class Patrol:
 
     def _passage(self, t: int, here: Fused) -> bool:
         """Ask for the passage that comes next; whether to wait before it."""
-        self._wanted, gap = self._next_passage(here)
+        self._wanted, gap = self._next_passage(here) if self._has_path(t) else (self._wanted, 0.0)
         if self._wanted != self._granted[0]:
             self._granted = (-1, 0)  # a grant is for one way through
         granted = self._wanted == self._granted[0] and t - self._granted[1] < GRANTED_S * 1e9
         v, limits = float(np.hypot(*here.v[:2])), self.body.driver.limits
         stop = v * v / (2.0 * limits.acceleration) + v * REACTION_S
         return self._wanted >= 0 and 0.0 < gap < WAIT_BEFORE + stop and not granted
+
+    def _has_path(self, t: int) -> bool:
+        """Whether a path says which passage comes next. Who drives through a passage hides the way through it: a robot
+        that waits does not lose its place in the queue for that."""
+        path = self._answer.path
+        self._led = t if path is not None and path.found else self._led
+        granted = self._granted[0] >= 0 and self._granted[0] == self._wanted
+        return self._wanted < 0 or self._led == t or (granted and t - self._led > PATHLESS_S * 1e9)
 
     def _next_passage(self, here: Fused) -> tuple[int, float]:
         """The passage that the robot is in, at 0 m, or that its path comes to, and how far off [m]; -1 for none."""
