@@ -7,6 +7,7 @@ from typing import Any, Literal, final
 from outrider.scenarios.ground import WHEELS
 from outrider.scenarios.registry import Description, scenario
 
+BLOCKED = [[28.0, -9.0], [28.6, -9.0], [28.6, 9.0], [28.0, 9.0]]  # m, what nobody has drawn
 PAD = {"place": [0.0, 0.0, 0.65], "radius": 0.5, "tolerance": 0.3}
 
 
@@ -92,3 +93,53 @@ def _common(antenna: tuple[float, float, float]) -> list[Description]:
         {"type": "gnss_velocity", "rate_hz": 10.0, "sigma": 0.05, "sigma_up": 0.05, "lever": list(antenna)},
         {"type": "stereo_velocity", "rate_hz": 2.0, "sigma": 0.2, "reach": 4.0},
     ]
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ahead:
+    """tells : whether the drone can be heard;  lidar : m, that the robot on the ground sees."""
+
+    tells: bool = True
+    lidar: float = 6.0
+
+
+@scenario("scout-ahead", tags=("cooperative", "closed loop", "ground", "air"))
+def scout_ahead(cfg: Ahead) -> Description:
+    """A drone flies ahead and tells what stands in the way; the robot on the ground goes round before it can see it."""
+    down = {} if cfg.tells else {"radio": {"outages_s": {"scout>*": [[0.0, 1e6]]}}}
+    gnss = {"type": "gnss", "rate_hz": 5.0, "sigma": 0.02, "sigma_up": 0.03}
+    return {
+        "duration_s": 120.0,
+        **down,
+        "world": {
+            "place": {"type": "open_field", "side": 120.0},
+            "walls": [{"name": "barrier", "outline": BLOCKED, "high": 3.0}],
+        },
+        "team": {
+            "rover": {
+                "vehicle": {"type": "mecanum", "wheels": WHEELS, "radius": 0.45, "height": 0.6},
+                "sensors": [
+                    {"type": "imu", "rate_hz": 50.0},
+                    {"type": "body_twist", "name": "wheels", "rolling": False},
+                    gnss,
+                    {"type": "lidar", "rate_hz": 5.0, "beams": 180, "max_range": cfg.lidar},
+                ],
+                "mission": {"type": "goto", "goals": [[45.0, 0.0]]},
+            },
+            "scout": {
+                "vehicle": {"type": "multirotor"},
+                "start": {"x": 3.0, "y": 3.0},
+                "sensors": [
+                    {"type": "imu", "rate_hz": 200.0},
+                    {**gnss, "lever": [0.0, 0.0, 0.15]},
+                    {"type": "gnss_velocity"},
+                    {"type": "baro"},
+                    {"type": "heading", "sigma_deg": 1.0},
+                    {"type": "lidar", "rate_hz": 5.0, "beams": 360, "max_range": 20.0},
+                ],
+                "mission": {"type": "scout", "waypoints": [[3, 3, 1.8], [20, 4, 1.8], [20, -4, 1.8], [20, 4, 1.8]],
+                            "speed": 3.0},
+            },
+        },
+    }  # fmt: skip

@@ -23,6 +23,7 @@ from outrider.scenarios.parts import (
     VEHICLES,
     RobotSection,
     Scenario,
+    ScoutMission,
     TourMission,
     WorldSection,
 )
@@ -32,12 +33,13 @@ from outrider.scenarios.tracks import standing, track
 from outrider.sim.engine import Simulation, simulate
 from outrider.sim.monitor import Hull
 from outrider.sim.radio import Radio
-from outrider.sim.sensors import GnssReceiver, Spell
+from outrider.sim.sensors import GnssReceiver, Lidar, Spell
 from outrider.sim.team import Robot
 from outrider.sim.truth import EPOCH, Drift, Truth
 from outrider.sim.world import Fence, Ground, Mover, Wall, Wind, World
 from outrider.team import Schedule, Tour
 from outrider.team.errand import Errand
+from outrider.team.scout import Scout
 from outrider.typing import Floats
 
 
@@ -203,6 +205,8 @@ def _agent(member: Member, mission: Any, shared: Setting) -> Agent | Planned:
         return patrol(mission, member, shared)
     if mission.type == "goto":
         return _errand(member, mission, shared)
+    if mission.type == "scout":
+        return _scout(member, mission, shared.world)
     if mission.type == "tour":
         return _tour(member.name, mission, member.vehicle, member.carried, member.put, shared.world)
     inputs = member.vehicle.inputs
@@ -221,6 +225,14 @@ def _errand(member: Member, mission: GotoMission, shared: Setting) -> Errand:
         goals=goals, hull=member.hull, zones=shared.zones, routes=shared.routes,
     )  # fmt: skip
     return Errand(body=body, goals=goals, hold_s=mission.hold_s, period_s=period)
+
+
+def _scout(member: Member, mission: ScoutMission, world: World) -> Scout:
+    lidars = [s for s in _bare(member.carried) if isinstance(s, Lidar)]
+    if len(lidars) != 1:
+        raise ConfigError(f"a scout with {len(lidars)} lidars", fix="give it one")
+    tour = _tour(member.name, mission, member.vehicle, member.carried, member.put, world)
+    return Scout(tour=tour, drawn=world.grid, mount=mount_matrix(lidars[0]), reach=mission.sees)
 
 
 def _tour(name: str, mission: TourMission, vehicle: Vehicle, carried: tuple[Any, ...], put: Put, world: World) -> Tour:

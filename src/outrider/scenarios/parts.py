@@ -155,6 +155,14 @@ class TourMission(Part):
     period_s: Annotated[Number, Field(gt=0)] = 0.1
 
 
+class ScoutMission(TourMission):
+    """Flies a tour, and tells the others what its lidar sees that is not on the map."""
+
+    type: Literal["scout"]  # type: ignore[assignment]
+    sees: Annotated[Number, Field(gt=0)] = 15.0
+    """m, up to which its lidar is trusted."""
+
+
 class TrackMission(Part):
     """Carried smoothly along points, whatever a vehicle could do; heading along the way."""
 
@@ -174,6 +182,7 @@ Mission: TypeAlias = _one_of(  # type: ignore[valid-type]
     [
         StillMission,
         TourMission,
+        ScoutMission,
         TrackMission,
         GotoMission,
         PatrolMission,

@@ -16,6 +16,7 @@ from outrider.mapping.layers import Other
 from outrider.safety.monitor import Monitor
 from outrider.safety.stage import Held, Inputs, Reason, SafetyStage, Watchdog
 from outrider.safety.stage import Scan as RawScan
+from outrider.team.awareness import Awareness
 from outrider.team.courtesy import gives_way, rank
 from outrider.team.driver import Answer, Driver
 from outrider.team.navigator import Fused, Navigator
@@ -35,7 +36,8 @@ class Ground:
     lidar : (3,) pose of the lidar in the body: forward, left [m], turned by [rad];  scan_s : s between its scans;
     blind : m, what it sees of its own robot;  others : the footprint that other robots are taken to have;  reaction :
     how late the base does what it is told;  period_s : s from command to command;  safety : what every command passes,
-    by default the limits of the driver's base, its footprint, no zones, and a watchdog for scans at that rate.
+    by default the limits of the driver's base, its footprint, no zones, and a watchdog for scans at that rate;  awareness :
+    what others have seen in the way, believed as far as it does not stand where this robot is.
     """
 
     navigator: Navigator
@@ -47,11 +49,14 @@ class Ground:
     reaction: Reaction = field(default_factory=lambda: Reaction(seconds=0.0))
     period_s: float = 0.1
     safety: SafetyStage | None = None
+    awareness: Awareness | None = None
     _held: Held | None = None
     _scan: RawScan | None = None
     _heard: dict[str, Status] = field(default_factory=dict[str, Status])
 
     def __post_init__(self) -> None:
+        if self.awareness is None:
+            self.awareness = Awareness(radius=self.driver.footprint.circumscribed)
         if self.safety is None:
             late = max(0.2, self.reaction.seconds + self.period_s)
             monitor = Monitor(footprint=self.driver.footprint, reaction=late) if self.driver.sees else None
@@ -79,8 +84,12 @@ class Ground:
         for m in inbox:
             if m.topic == STATUS and m.sender != self.navigator.robot:
                 self._heard[m.sender] = Status.of(m)
+        assert self.awareness is not None
+        told = self.awareness.hear(t, here.p[:2], inbox)
         scans = [scan for s in records if s.kind is Kind.SCAN for scan in self._scans(s, here)]
         answer = self.driver.step(t * 1e-9, self.reaction.ahead(here), scans, *self._neighbours(t))
+        if told:
+            answer = replace(answer, note="; ".join(n for n in (told, answer.note) if n))
         first = self.driver.sees and self._scan is None  # it waits for its first scan
         return here, answer.at_rest if first else answer
 
@@ -134,7 +143,8 @@ class Ground:
 
     def _neighbours(self, t: int) -> tuple[list[Other], Floats]:
         """Where the others stand, and (n, 5) discs of those that move, by what they have said of themselves."""
-        standing, moving = list[Other](), list[Floats]()
+        assert self.awareness is not None
+        standing, moving = self.awareness.standing(t), list[Floats]()
         for status in self._heard.values() if self.others is not None else ():
             ago = (t - status.t) * 1e-9
             if ago >= GONE_S or self.others is None:

@@ -16,6 +16,7 @@ GRANT: Final = "grant"
 ASK: Final = "ask"
 PAD: Final = "pad"
 WISH: Final = "wish"
+SIGHTING: Final = "sighting"
 DUTIES: Final = tuple(Duty)
 ENDS: Final = tuple(Ended)
 
@@ -105,3 +106,38 @@ class Pad:
         """From a message of that topic."""
         ready = bool(m.data["ready"][0])
         return cls(carrier=m.sender, t=m.t, pose=m.data["pose"], velocity=m.data["velocity"], ready=ready)
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sighting:
+    """Something that stands in the way, as one robot has seen it.
+
+    source, number : who, and which of its sightings: a newer one of that number replaces it;  t : ns, when it was seen
+    last;  ends : (2, 2) m, site frame, of the line that it lies along;  radius : m, around that line;  P : (2, 2) m^2,
+    of its place.
+    """
+
+    source: str
+    number: int
+    t: int
+    ends: Floats
+    radius: float
+    P: Floats
+
+    def message(self, t: int) -> Message:
+        """To everybody, sent at t [ns]; the stamp is in whole seconds and nanoseconds, which floats hold."""
+        seen = np.array([self.t // 10**9, self.t % 10**9], np.float64)
+        which = np.array([float(self.number), self.radius])
+        data = {"which": which, "seen": seen, "ends": self.ends, "covariance": self.P}
+        return Message(sender=self.source, topic=SIGHTING, t=t, data=data)
+
+    @classmethod
+    def of(cls, m: Message) -> "Sighting":
+        """From a message of that topic."""
+        number, radius = m.data["which"].tolist()
+        s, ns = (int(x) for x in m.data["seen"])
+        return cls(
+            source=m.sender, number=int(number), t=s * 10**9 + ns, ends=m.data["ends"], radius=radius,
+            P=m.data["covariance"],
+        )  # fmt: skip
