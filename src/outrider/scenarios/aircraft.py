@@ -129,7 +129,7 @@ def scout_ahead(cfg: Ahead) -> Description:
             },
             "scout": {
                 "vehicle": {"type": "multirotor"},
-                "start": {"x": 3.0, "y": 3.0},
+                "start": {"x": 3.0, "y": 10.0},
                 "sensors": [
                     {"type": "imu", "rate_hz": 200.0},
                     {**gnss, "lever": [0.0, 0.0, 0.15]},
@@ -138,7 +138,7 @@ def scout_ahead(cfg: Ahead) -> Description:
                     {"type": "heading", "sigma_deg": 1.0},
                     {"type": "lidar", "rate_hz": 5.0, "beams": 360, "max_range": 20.0},
                 ],
-                "mission": {"type": "scout", "waypoints": [[3, 3, 1.8], [20, 4, 1.8], [20, -4, 1.8], [20, 4, 1.8]],
+                "mission": {"type": "scout", "waypoints": [[3, 10, 1.8], [20, 4, 1.8], [20, -4, 1.8], [20, 4, 1.8]],
                             "speed": 3.0},
             },
         },

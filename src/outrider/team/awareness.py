@@ -26,7 +26,7 @@ class Refusal(Enum):
     STALE = "it was seen too long ago"
     VAGUE = "its source hardly knows where it is"
     HUGE = "it is larger than what a robot can have seen"
-    HERE = "it stands where this robot is"
+    HERE = "it stands where this robot is, or was when it was seen first"
 
 
 @final
@@ -34,8 +34,8 @@ class Refusal(Enum):
 class Awareness:
     """`hear` messages, then ask what is `standing`.
 
-    radius : m, of this robot;  last_s : s after it was seen for which a thing counts;  sigma : m, of its place, above which it is too vague;
-    longest : m;  refused : how many for which reason, by source
+    radius : m, of this robot;  last_s : s after it was seen for which a thing counts;  sigma : m, of its place, above
+    which it is too vague;  longest : m;  refused : how many for which reason, by source
     """
 
     radius: float = 0.5
@@ -43,6 +43,7 @@ class Awareness:
     sigma: float = 2.0
     longest: float = 60.0
     refused: Counter[tuple[str, Refusal]] = field(default_factory=Counter[tuple[str, Refusal]])
+    _own: set[tuple[str, int]] = field(default_factory=set[tuple[str, int]])  # sightings of this robot itself
     _known: dict[tuple[str, int], Sighting] = field(default_factory=dict[tuple[str, int], Sighting])
 
     def hear(self, t: int, here: Floats, inbox: Iterable[Message]) -> str:
@@ -85,7 +86,9 @@ class Awareness:
             return Refusal.HUGE
         share = float(np.clip((here - s.ends[0]) @ along / max(float(along @ along), 1e-12), 0.0, 1.0))
         gap = here - s.ends[0] - share * along
-        return Refusal.HERE if float(np.hypot(*gap)) < s.radius + self.radius else None
+        if (s.source, s.number) not in self._known and float(np.hypot(*gap)) < s.radius + self.radius:
+            self._own.add((s.source, s.number))
+        return Refusal.HERE if (s.source, s.number) in self._own else None
 
 
 def shape(s: Sighting) -> Other:

@@ -36,8 +36,8 @@ class Ground:
     lidar : (3,) pose of the lidar in the body: forward, left [m], turned by [rad];  scan_s : s between its scans;
     blind : m, what it sees of its own robot;  others : the footprint that other robots are taken to have;  reaction :
     how late the base does what it is told;  period_s : s from command to command;  safety : what every command passes,
-    by default the limits of the driver's base, its footprint, no zones, and a watchdog for scans at that rate;  awareness :
-    what others have seen in the way, believed as far as it does not stand where this robot is.
+    by default the limits of the driver's base, its footprint, no zones, and a watchdog for scans at that rate;
+    awareness : what others have seen in the way.
     """
 
     navigator: Navigator
