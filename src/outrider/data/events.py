@@ -195,6 +195,10 @@ class EventLog:
     notes: tuple[str, ...] = ()
     mounts: Mapping[str, Floats] = field(default_factory=dict[str, Floats])
     """(4, 4) body-from-sensor transforms by frame name, as far as the log itself holds them (static /tf)."""
+    beacons: Mapping[float, tuple[float, float, float]] = field(default_factory=dict[float, tuple[float, float, float]])
+    """Places [m] of beacons and landmarks by number, as far as the log itself tells them."""
+    ids: Mapping[str, int] = field(default_factory=dict[str, int])
+    """The number by which others see each robot."""
 
     def __len__(self) -> int:
         return sum(len(s) for s in self.streams.values())

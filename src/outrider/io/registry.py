@@ -24,12 +24,14 @@ READERS = {  # format -> module and function
     "carmen log": ("carmen", "read_carmen"),
     "kitti drive": ("kitti", "read_kitti"),
     "euroc sequence": ("euroc", "read_euroc"),
+    "mrclam folder": ("mrclam", "read_mrclam"),
     "team folder": ("teams", "read_team"),
 }
 SUPPORTED = (
     "ROS 1 .bag, ROS 2 bag (directory, .db3, .mcap), PX4 .ulg, ArduPilot .bin and .tlog, EKF2 replay .csv, "
     "GNSS receivers (NMEA, UBX), RTKLIB .pos, Open Drone ID .pcap, CARMEN .clf, "
-    "raw drives of KITTI, EuRoC sequences, folders of one log per robot; .csv, .npy, .npz and .mat with a mapping"
+    "raw drives of KITTI, EuRoC sequences, UTIAS MRCLAM folders, folders of one log per robot; "
+    ".csv, .npy, .npz and .mat with a mapping"
 )
 PACKED = (b"BZh", b"\x1f\x8b")
 ARRAYS = (b"\x93NUMPY", b"MATLAB 5.0", b"MATLAB 7.3", b"\x89HDF")
@@ -98,6 +100,7 @@ def _folder(path: Path, teams: bool) -> str:
     """The format of a folder."""
     from outrider.io.euroc import euroc_root
     from outrider.io.kitti import is_kitti
+    from outrider.io.mrclam import is_mrclam
     from outrider.io.teams import logs_in
 
     try:
@@ -109,6 +112,8 @@ def _folder(path: Path, teams: bool) -> str:
             return "kitti drive"
         if euroc_root(path) is not None:
             return "euroc sequence"
+        if is_mrclam(path):
+            return "mrclam folder"
         if teams and len(logs_in(path)) > 1:
             return "team folder"
     except OSError as e:

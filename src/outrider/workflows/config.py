@@ -79,6 +79,40 @@ class BeaconSection(Section):
     xyz_m: tuple[Length, Length, Length]
 
 
+class StartSection(Section):
+    """Where a robot starts."""
+
+    xy_m: tuple[Length, Length]
+    heading_deg: Angle
+    sigma_m: Positive = 0.1
+    sigma_deg: Positive = 3.0
+
+
+class TeamSection(Section):
+    """A team whose robots see landmarks and one another: how they share what they know."""
+
+    cooperation: Literal["none", "naive", "ci", "split_ci", "distributed", "joint"] = "joint"
+    """`none`: every robot by itself; `naive`: unsafe, for comparison; `ci`, `split_ci`, `distributed`: only the two
+    that meet talk; `joint`: one filter for all."""
+    start: Literal["landmarks", "groundtruth"] = "landmarks"
+    """`landmarks`: found from what is seen; `groundtruth`: the first pose of the log's ground truth."""
+    starts: dict[str, StartSection] = {}
+    """By robot, instead."""
+    ids: dict[str, Annotated[Whole, Field(ge=0, le=10**6)]] = {}
+    """By robot: the number by which others see it, where the log does not tell."""
+    landmarks_for: tuple[str, ...] | None = None
+    """Only these robots use landmarks; all by default."""
+    without: tuple[str, ...] = ()
+    """These robots are left out."""
+    range_sigma_m: Deviation | None = None
+    """Of ranges; by default found from the data, as is that of bearings."""
+    bearing_sigma_deg: Deviation | None = None
+    gate: Annotated[Number, Field(gt=0.5, lt=1.0)] = 0.999
+    """Share of good sightings that pass the chi-square gate."""
+    compare: Flag = True
+    """Also run every robot by itself, to tell what the exchange is worth."""
+
+
 class PlanarSection(Section):
     """Overrides of `PlanarRobot`, by its field names."""
 
@@ -104,6 +138,8 @@ class FuseConfig(Section):
     sources: dict[str, SourceSection] = {}
     """By source name as `outrider fuse` lists them; `*` is not a wildcard."""
     beacons: tuple[BeaconSection, ...] = ()
+    team: TeamSection | None = None
+    """Of a recording of several robots: fuse them together."""
     planar: PlanarSection = PlanarSection()
     output_period_s: Annotated[Number, Field(ge=1e-3, le=3600)] = 0.05
     history_s: Annotated[Number, Field(gt=0, le=3600)] = 2.0

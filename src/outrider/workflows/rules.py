@@ -180,7 +180,7 @@ def imu_measures(d: Draft, s: Stream) -> None:
 
 def ranges(d: Draft, s: Stream) -> None:
     """One channel per known beacon."""
-    known = {b.id: b.xyz_m for b in d.cfg.beacons}
+    known = {**d.log.beacons, **{float(b.id): b.xyz_m for b in d.cfg.beacons}}
     seen = set(np.unique(s.z[np.isfinite(s.z[:, 0]), 0]).tolist())
     for beacon in sorted(seen & set(known)):
         theta = d.mount(s).theta(*known[beacon])

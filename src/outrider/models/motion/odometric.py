@@ -21,22 +21,22 @@ LAYOUT: Final = StateLayout(
     ("heading", Manifold.ANGLE, "rad"),
     ("speed_scale", 1, ""),
     ("turn_scale", 1, ""),
-    ("rate_bias", 1, "rad/s"),
+    ("curvature", 1, "1/m"),
     ("range_bias", 1, "m"),
 )
-PX, PY, YAW, SV, SW, BW, BR = range(7)
+PX, PY, YAW, SV, SW, KA, BR = range(7)
 
 
 @kernel
 def propagate(x: Floats, dt: float, u: Floats, theta: Floats, F: Floats, Q: Floats) -> None:
     """x <- f(x, u, dt), with its Jacobian F (7, 7) and noise Q (7, 7).
 
-    p' = R(yaw + w dt/2) (v dt, 0);  yaw' = w dt;  v = (1 + s_v) u[0];  w = (1 + s_w) u[1] + b.  Scales and b: random
-    walks;  the range bias: Gauss-Markov.  u[2], u[3] : further noise of speed and rate [m/s, rad/s per sqrt(Hz)], where
-    odometry is missing.  theta: see `OdometricRobot.theta`.
+    p' = R(yaw + w dt/2) (v dt, 0);  yaw' = w dt;  v = (1 + s_v) u[0];  w = (1 + s_w) u[1] + a v.  Scales and a, the
+    curvature of wheels of unequal size: random walks;  the range bias: Gauss-Markov.  u[2], u[3] : further noise of
+    speed and rate [m/s, rad/s per sqrt(Hz)], where odometry is missing.  theta: see `OdometricRobot.theta`.
     """
     v = (1.0 + x[SV]) * u[0]
-    w = (1.0 + x[SW]) * u[1] + x[BW]
+    w = (1.0 + x[SW]) * u[1] + x[KA] * v
     mid = x[YAW] + 0.5 * w * dt
     c, s = cos(mid), sin(mid)
     step_x, step_y = c * v * dt, s * v * dt
@@ -46,9 +46,11 @@ def propagate(x: Floats, dt: float, u: Floats, theta: Floats, F: Floats, Q: Floa
 
     F[PX, YAW], F[PY, YAW] = -step_y, step_x
     F[PX, SV], F[PY, SV] = c * u[0] * dt, s * u[0] * dt
-    F[PX, BW], F[PY, BW] = -0.5 * step_y * dt, 0.5 * step_x * dt
-    F[PX, SW], F[PY, SW] = F[PX, BW] * u[1], F[PY, BW] * u[1]
-    F[YAW, SW], F[YAW, BW] = u[1] * dt, dt
+    half_x, half_y = -0.5 * step_y * dt, 0.5 * step_x * dt  # by w
+    F[PX, SV], F[PY, SV] = F[PX, SV] + half_x * x[KA] * u[0], F[PY, SV] + half_y * x[KA] * u[0]
+    F[PX, SW], F[PY, SW], F[YAW, SW] = half_x * u[1], half_y * u[1], u[1] * dt
+    F[PX, KA], F[PY, KA], F[YAW, KA] = half_x * v, half_y * v, v * dt
+    F[YAW, SV] = x[KA] * u[0] * dt
 
     travelled, turned = abs(v) * dt, abs(w) * dt
     along = theta[0] * theta[0] * travelled + (theta[5] * theta[5] + u[2] * u[2]) * dt
@@ -62,7 +64,7 @@ def propagate(x: Floats, dt: float, u: Floats, theta: Floats, F: Floats, Q: Floa
     Q[PY, YAW] = Q[YAW, PY] = g_y * q_w
     Q[YAW, YAW] = q_w
     Q[SV, SV] = Q[SW, SW] = theta[6] * theta[6] * travelled
-    Q[BW, BW] = theta[7] * theta[7] * dt
+    Q[KA, KA] = theta[7] * theta[7] * travelled
     keep = exp(-dt / theta[9])
     x[BR] *= keep
     F[BR, BR] = keep
@@ -77,11 +79,11 @@ def kinematic_view(x: Floats, u: Floats, theta: Floats, k: Floats, K: Floats) ->
     k[K_P], k[K_P + 1] = x[PX], x[PY]
     k[K_R], k[K_R + 1], k[K_R + 3], k[K_R + 4], k[K_R + 8] = c, -s, s, c, 1.0
     k[K_V], k[K_V + 1] = c * v, s * v
-    k[K_W + 2], k[K_BR] = (1.0 + x[SW]) * u[1] + x[BW], x[BR]
+    k[K_W + 2], k[K_BR] = (1.0 + x[SW]) * u[1] + x[KA] * v, x[BR]
     K[T_P, PX] = K[T_P + 1, PY] = K[T_TH + 2, YAW] = 1.0
     K[T_V, YAW], K[T_V + 1, YAW] = -k[K_V + 1], k[K_V]
     K[T_V, SV], K[T_V + 1, SV] = c * u[0], s * u[0]
-    K[T_W + 2, SW], K[T_W + 2, BW] = u[1], 1.0
+    K[T_W + 2, SV], K[T_W + 2, SW], K[T_W + 2, KA] = x[KA] * u[0], u[1], v
     K[T_BR, BR] = 1.0
 
 
@@ -97,18 +99,18 @@ class OdometricRobot:
     heading_rest: float = 1e-3  # rad per sqrt(s), at rest, too
     position_rest: float = 1e-3  # m per sqrt(s), at rest, too
     scale_walk: float = 1e-3  # 1 per sqrt(m) travelled
-    rate_bias_walk: float = 1e-4  # rad/s per sqrt(s)
+    curvature_walk: float = 1e-3  # 1/m per sqrt(m) travelled
     range_bias: float = 0.03  # m, of all ranges that it measures
     range_time: float = 60.0  # s
     initial_speed_scale: float = 0.05
     initial_turn_scale: float = 0.1
-    initial_rate_bias: float = 0.01  # rad/s
+    initial_curvature: float = 0.05  # 1/m
 
     def theta(self) -> Floats:
         """Kernel parameters, in the order that `propagate` reads them."""
         return np.array(
             [
                 self.distance_walk, self.side_walk, self.turn_walk, self.heading_walk, self.heading_rest,
-                self.position_rest, self.scale_walk, self.rate_bias_walk, self.range_bias, self.range_time,
+                self.position_rest, self.scale_walk, self.curvature_walk, self.range_bias, self.range_time,
             ]
         )  # fmt: skip
