@@ -85,6 +85,12 @@ def fuse(
     end: End = None,
     mapping: Mapping = None,
     robot: OneRobot = None,
+    settings_given: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", metavar="A.B=VALUE", help="A key of the configuration, e.g. team.cooperation=joint; repeatable."
+        ),
+    ] = None,
     report: Annotated[bool, typer.Option("--report/--no-report", help="Write report.html.")] = True,
     quiet: Quiet = False,
     verbose: Annotated[
@@ -94,14 +100,24 @@ def fuse(
 ) -> int:
     """Fuse a recording into a trajectory, and say what is wrong with the data."""
     overrides = parse.overrides(robot=robot, seed=seed, preset=preset, mounts=mount, datum=datum, withhold=withhold)
+    from outrider.io.config import merged, settings_of
     from outrider.workflows.settings import load_config
+
+    overrides = merged(settings_of(settings_given or ()), overrides)
 
     settings = load_config(config, overrides)
     from outrider.cli.progress import Progress
     from outrider.io.registry import check_input
     from outrider.io.runs import ensure_free
 
-    check_input(log, start_s=start, end_s=end, mapping=mapping)  # before the compiler is loaded
+    kind = check_input(log, start_s=start, end_s=end, mapping=mapping)  # before the compiler is loaded
+    if robot is None and (kind == "mrclam folder" or settings.team is not None):
+        from outrider.cli.teams import fuse_team
+
+        return fuse_team(
+            log, settings, output, topics=topic, start=start, end=end, force=force, json=json, report=report,
+            quiet=quiet, verbose=verbose,
+        )  # fmt: skip
     folder = output or Path(f"{log.resolve().stem}-run")
     hush_matplotlib()
     ensure_free(folder, force=force)

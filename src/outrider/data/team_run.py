@@ -109,6 +109,7 @@ class TeamRun:
     cooperation: str
     about: str
     start: int  # ns
+    names: tuple[str, ...]  # of all robots with odometry, which `Sightings.robot` counts
     robots: tuple[RobotEstimate, ...]
     absent: Mapping[str, str]
     landmarks: Mapping[int, tuple[float, float]]

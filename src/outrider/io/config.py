@@ -73,6 +73,20 @@ def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
     return out
 
 
+def settings_of(texts: Sequence[str]) -> dict[str, Any]:
+    """`--set a.b=value` as nested mappings; values are read as YAML. Raises `ConfigError` for one that is none."""
+    out: dict[str, Any] = {}
+    for text in texts:
+        key, sign, value = text.partition("=")
+        if not sign or not key or not all(key.split(".")):
+            raise ConfigError("cannot be understood", where=f"--set {text}", fix="write a.b=value")
+        node: Any = parse_yaml(value, f"--set {text}")
+        for word in reversed(key.split(".")):
+            node = {word: node}
+        out = merged(out, node)
+    return out
+
+
 def parse_yaml(text: str, where: str) -> object:
     """One value from the command line."""
     import yaml

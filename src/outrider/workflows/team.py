@@ -107,7 +107,7 @@ def _believed(
         for s in starts.values():
             tl.seen.what[s.rows] = CODES[Sighting.START]
         noise = _noise(tl, team, starts, times, progress)
-        progress("fusing", 0.0)
+        progress("fusing", 0.3)
         done, rows = _run(tl, starts, method, noise, times, team.gate)
         nis = _tell(tl, done, rows, starts)
         again = _doubtful(tl, starts) if trial + 1 < TRIALS else {}
@@ -300,7 +300,8 @@ def _result(
     seen = tl.seen
     return TeamRun(
         log_path=log.path, log_sha256=log.sha256, config=cfg.model_dump(mode="json"), versions=versions(),
-        cooperation=done[0].method.name.lower(), about=done[0].method.value, start=tl.start, robots=robots,
+        cooperation=done[0].method.name.lower(), about=done[0].method.value, start=tl.start,
+        names=tuple(tl.names), robots=robots,
         absent={**tl.absent, **never}, landmarks={k: (float(p[0]), float(p[1])) for k, p in tl.marks.items()},
         sightings=Sightings(t=seen.t_ns, robot=seen.robot, subject=seen.subject, z=seen.z, what=seen.what, nis=nis),
         noise={"range_m": noise.range_m, "bearing_deg": float(np.degrees(noise.bearing)),
