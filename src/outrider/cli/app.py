@@ -143,11 +143,18 @@ def demo(
     seed: Annotated[
         int, typer.Option("--seed", metavar="N", parser=parse.whole("--seed"), help="Another patrol with other noise.")
     ] = 1,
+    team: Annotated[
+        bool, typer.Option("--team", help="Instead, five robots that correct one another; one of them sees landmarks.")
+    ] = False,
     json: AsJson = False,
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> int:
     """Record a simulated patrol with the faults of the field, fuse it, and compare with what really happened."""
+    if team:
+        from outrider.cli.teams import demo_team
+
+        return demo_team(output, seed=seed, force=force, json=json, quiet=quiet)
     from outrider.cli.progress import Progress
 
     hush_matplotlib()

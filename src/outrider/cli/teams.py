@@ -48,6 +48,22 @@ def fuse_team(
     return code
 
 
+def demo_team(output: Path, *, seed: int, force: bool, json: bool, quiet: bool) -> int:
+    """Simulate a team, and fuse its log."""
+    from outrider.cli.progress import Progress
+
+    hush_matplotlib()
+    with Progress(quiet=quiet) as progress:
+        from outrider.workflows.team_file import demo_team as made
+        from outrider.workflows.team_file import exit_code
+
+        run, summary = made(output, seed=seed, force=force, progress=progress)
+    if json:
+        return print_json({**summary, "folder": str(output)}, exit_code(run))
+    show(summary, output, quiet=quiet)
+    return exit_code(run)
+
+
 def show(summary: Mapping[str, Any], folder: Path, *, quiet: bool = False, verbose: bool = False) -> None:
     """Outcome, the table of robots, findings, and what became of what they saw."""
     out = render.console()

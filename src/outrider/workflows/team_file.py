@@ -1,6 +1,7 @@
 """`outrider fuse` of a recording of several robots: the log in, a folder with the team's run out."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -8,10 +9,12 @@ import numpy as np
 
 from outrider.data.team_run import CODES, Score, Sighting, TeamRun
 from outrider.errors import ExitCode
+from outrider.io.mrclam import write_mrclam
 from outrider.io.registry import read_log
 from outrider.io.team_runs import ERRORS, SCHEMA, TRACKS, ensure_free, team_folder, write_team
+from outrider.sim.barcodes import BarcodeTeam, barcode_log
 from outrider.typing import Floats
-from outrider.workflows.config import FuseConfig
+from outrider.workflows.config import FuseConfig, TeamSection
 from outrider.workflows.fuse_file import Input
 from outrider.workflows.team import fuse_team_log
 from outrider.workflows.team_records import truth_at
@@ -44,12 +47,37 @@ def fuse_team_file(
     run = fuse_team_log(log, config, progress=progress)
     document = summarise(run)
     with team_folder(output, force=force) as part:
-        if report:
-            tell("pictures", 0.0)
-            _draw(run, part)
-        tell("writing", 0.0)
-        write_team(run, part, document)
+        _write(run, document, part, tell, report=report)
     return run, document
+
+
+def demo_team(
+    output: Path, *, seed: int = 1, force: bool = False, progress: Progress | None = None
+) -> tuple[TeamRun, dict[str, Any]]:
+    """Simulate five robots of which the first sees landmarks, write their log as text files, read and fuse it; one
+    folder for all, which `outrider fuse` opens again."""
+    ensure_free(output, force=force)
+    tell = progress or _silent
+    tell("simulating", 0.0)
+    log, truth = barcode_log(BarcodeTeam(seers=1), seed)
+    with team_folder(output, force=force) as part:
+        write_mrclam(log, truth, part)
+        read = read_log(part)
+        tell("fusing", 0.0)
+        run = fuse_team_log(
+            replace(read, path=str(output)), FuseConfig(seed=seed, team=TeamSection()), progress=progress
+        )
+        document = summarise(run)
+        _write(run, document, part, tell, report=True)
+    return run, document
+
+
+def _write(run: TeamRun, document: dict[str, Any], folder: Path, tell: Progress, *, report: bool) -> None:
+    if report:
+        tell("pictures", 0.0)
+        _draw(run, folder)
+    tell("writing", 0.0)
+    write_team(run, folder, document)
 
 
 def _draw(run: TeamRun, folder: Path) -> None:

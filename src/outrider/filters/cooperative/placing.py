@@ -86,8 +86,7 @@ def _agreed(own: Floats, world: Floats, var: Floats) -> tuple[Floats, Floats, Bo
     poses = _candidates(own, world, var)
     if not len(poses):
         return None
-    miss = np.stack([_residuals(p, own, world) for p in poses])
-    good = (miss**2).sum(axis=2) < GATE**2 * var
+    good = _misses(poses, own, world) < GATE**2 * var
     count = good.sum(axis=1)
     best = int(np.argmax(count))
     if count[best] < max(FEWEST, SHARE * len(own)) or _rivalled(poses, count, best):
@@ -95,7 +94,7 @@ def _agreed(own: Floats, world: Floats, var: Floats) -> tuple[Floats, Floats, Bo
     pose, inside, P = poses[best], good[best], np.eye(3)
     for _ in range(4):
         pose, P = _refined(pose, own[inside], world[inside], var[inside])
-        inside = (_residuals(pose, own, world) ** 2).sum(axis=1) < GATE**2 * var
+        inside = _misses(pose[None], own, world)[0] < GATE**2 * var
     spread = np.ptp(world[inside], axis=0).max(initial=0.0)
     sd = np.sqrt(np.diag(P))
     if inside.sum() < FEWEST or spread < APART or max(sd[:2]) > LARGEST[0] or sd[2] > LARGEST[1]:
@@ -117,11 +116,13 @@ def _candidates(own: Floats, world: Floats, var: Floats) -> Floats:
     return np.column_stack([x, y, turn])
 
 
-def _residuals(pose: Floats, own: Floats, world: Floats) -> Floats:
-    c, s = np.cos(pose[2]), np.sin(pose[2])
-    x = pose[0] + c * own[:, 0] - s * own[:, 1]
-    y = pose[1] + s * own[:, 0] + c * own[:, 1]
-    return world - np.column_stack([x, y])
+def _misses(poses: Floats, own: Floats, world: Floats) -> Floats:
+    """(h, n) squared distances of what each pose makes of the robot's places to those in the world."""
+    x, y, turn = poses.T[:, :, None]
+    c, s = np.cos(turn), np.sin(turn)
+    e_x = world[:, 0] - x - c * own[:, 0] + s * own[:, 1]
+    e_y = world[:, 1] - y - s * own[:, 0] - c * own[:, 1]
+    return np.asarray(e_x**2 + e_y**2, np.float64)
 
 
 def _rivalled(poses: Floats, count: Ints, best: int) -> bool:
@@ -140,5 +141,6 @@ def _refined(pose: Floats, own: Floats, world: Floats, var: Floats) -> tuple[Flo
     weighted = J / var[:, None, None]
     information = np.einsum("nij,nik->jk", weighted, J) + 1e-9 * np.eye(3)
     P = np.linalg.inv(information)
-    step = P @ np.einsum("nij,ni->j", weighted, _residuals(pose, own, world))
+    made = np.column_stack([c * own[:, 0] - s * own[:, 1], s * own[:, 0] + c * own[:, 1]]) + pose[:2]
+    step = P @ np.einsum("nij,ni->j", weighted, world - made)
     return np.array([pose[0] + step[0], pose[1] + step[1], wrap(float(pose[2] + step[2]))]), P
