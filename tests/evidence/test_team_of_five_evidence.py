@@ -20,7 +20,7 @@ from published import publish
 pytestmark = pytest.mark.evidence
 
 SEEDS = range(1, 1 + int(os.environ.get("OUTRIDER_SEEDS", "8")))
-SLOW = 2  # seeds of `distributed`
+SLOW = 1  # seeds of `distributed`
 SET_UPS = {
     "15 landmarks, all robots see them": BarcodeTeam(),
     "3 of 15 landmarks can be seen": BarcodeTeam(shown=3),

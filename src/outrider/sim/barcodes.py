@@ -53,10 +53,10 @@ class BarcodeTeam:
     speed_scale: float = 0.03
     turn_scale: float = 0.05
     curvature: float = 0.02  # 1/m
-    distance_walk: float = 0.03  # m per sqrt(m)
-    side_walk: float = 0.02  # m per sqrt(m)
-    turn_walk: float = 0.05  # rad per sqrt(rad)
-    heading_walk: float = 0.03  # rad per sqrt(m)
+    distance_walk: float = 0.04  # m per sqrt(m)
+    side_walk: float = 0.025  # m per sqrt(m)
+    turn_walk: float = 0.08  # rad per sqrt(rad)
+    heading_walk: float = 0.045  # rad per sqrt(m)
 
     def __post_init__(self) -> None:
         if not (1 <= self.robots <= 20 and 0 <= self.landmarks <= 60 and self.duration_s >= 1.0):

@@ -182,7 +182,11 @@ def _told(tl: TeamLog, team: TeamSection) -> dict[int, Start]:
 
 
 def _found(tl: TeamLog, i: int, known: Mapping[int, Anchor], after: float = -np.inf) -> Start | None:
-    told = place(pairs(tl, i, known), tl.mates[i].t, tl.mates[i].way, after)
+    m = tl.mates[i]
+    tries = (
+        place(pairs(tl, i, known, own_eyes=own), m.t, m.way, after) for own in ((True, False) if known else (True,))
+    )
+    told = next((p for p in tries if p is not None), None)
     if told is None:
         return None
     subjects = sorted({int(tl.seen.subject[r]) for r in told.rows.tolist() if tl.seen.subject[r] in tl.marks})

@@ -22,6 +22,7 @@ AT_REST: Final = 5.0  # s without any, after which a robot is taken to stand
 REST_NOISE: Final = (0.01, 0.02)
 REACH: Final = 50.0  # m: no camera reads a barcode from further away
 FIRST_SIGMA: Final = 0.15  # m, of a place, until the noise is known
+FRAMES: Final = 4  # in which a frame that comes twice is looked for
 OPEN: Final = -1  # code of a sighting of which nothing is known yet
 
 Anchor: TypeAlias = tuple[Floats, Floats, Floats]
@@ -209,12 +210,13 @@ def _judge(seen: Seen, mates: Sequence[Mate], marks: Mapping[int, Floats], team:
 
 
 def _repeated(seen: Seen) -> Bools:
-    """Whether a robot saw just the same of the same subject before, less than a second ago: the frame is an old one."""
+    """Whether a robot saw just the same of the same subject in one of the frames before, less than a second ago."""
     out = np.zeros(seen.t.size, np.bool_)
     order = np.lexsort((seen.t, seen.subject, seen.robot))
-    a, b = order[:-1], order[1:]
-    same = (seen.robot[a] == seen.robot[b]) & (seen.subject[a] == seen.subject[b])
-    out[b] = same & (seen.z[a] == seen.z[b]).all(axis=1) & (seen.t[b] - seen.t[a] < 1.0)
+    for back in range(1, FRAMES + 1):
+        a, b = order[:-back], order[back:]
+        same = (seen.robot[a] == seen.robot[b]) & (seen.subject[a] == seen.subject[b])
+        out[b] |= same & (seen.z[a] == seen.z[b]).all(axis=1) & (seen.t[b] - seen.t[a] < 1.0)
     return out
 
 
@@ -229,10 +231,10 @@ def seen_at(pose: Floats, z: Floats) -> Floats:
     return pose[:, :2] + z[:, :1] * np.column_stack([np.cos(a), np.sin(a)])
 
 
-def pairs(log: TeamLog, who: int, known: Mapping[int, Anchor]) -> Pairs:
+def pairs(log: TeamLog, who: int, known: Mapping[int, Anchor], *, own_eyes: bool = True) -> Pairs:
     """What tells where a robot is: landmarks that it saw, and robots that it saw or that saw it.
 
-    known : robots whose place is known, by index
+    known : robots whose place is known, by index;  own_eyes : whether to take what it saw itself
     """
     m, seen = log.mates[who], log.seen
     t, own, world, var, row = (
@@ -251,13 +253,13 @@ def pairs(log: TeamLog, who: int, known: Mapping[int, Anchor]) -> Pairs:
         row.append(rows)
 
     usable = (seen.what == OPEN) & (seen.t >= m.t[0]) & (seen.t <= m.t[-1])
-    rows = np.flatnonzero(usable & (seen.robot == who) & np.isin(seen.subject, list(log.marks)))
+    mine = usable & (seen.robot == who) & own_eyes
+    rows = np.flatnonzero(mine & np.isin(seen.subject, list(log.marks)))
     places = np.array([log.marks[k] for k in seen.subject[rows].tolist()]).reshape(-1, 2)
     add(rows, seen_at(own_place(m, seen.t[rows]), seen.z[rows]), places, 0.0)
     for k, (times, poses, variances) in known.items():
         inside = usable & (seen.t >= times[0]) & (seen.t <= times[-1])
-        number = log.mates[k].number
-        rows = np.flatnonzero(inside & (seen.robot == who) & (seen.subject == number))
+        rows = np.flatnonzero(inside & mine & (seen.subject == log.mates[k].number))
         at = _between(seen.t[rows], times, poses)
         add(
             rows,

@@ -91,15 +91,15 @@ def _agreed(own: Floats, world: Floats, var: Floats) -> tuple[Floats, Floats, Bo
     best = int(np.argmax(count))
     if count[best] < max(FEWEST, SHARE * len(own)) or _rivalled(poses, count, best):
         return None
-    pose, inside, P = poses[best], good[best], np.eye(3)
+    pose, inside, covariance = poses[best], good[best], np.eye(3)
     for _ in range(4):
-        pose, P = _refined(pose, own[inside], world[inside], var[inside])
+        pose, covariance = _refined(pose, own[inside], world[inside], var[inside])
         inside = _misses(pose[None], own, world)[0] < GATE**2 * var
     spread = np.ptp(world[inside], axis=0).max(initial=0.0)
-    sd = np.sqrt(np.diag(P))
+    sd = np.sqrt(np.diag(covariance))
     if inside.sum() < FEWEST or spread < APART or max(sd[:2]) > LARGEST[0] or sd[2] > LARGEST[1]:
         return None
-    return pose, P * CAUTION + np.diag(LEAST), inside
+    return pose, covariance * CAUTION + np.diag(LEAST), inside
 
 
 def _candidates(own: Floats, world: Floats, var: Floats) -> Floats:

@@ -92,10 +92,10 @@ def kinematic_view(x: Floats, u: Floats, theta: Floats, k: Floats, K: Floats) ->
 class OdometricRobot:
     """How wrong odometry may be. Walks are standard deviations per root of what they grow with."""
 
-    distance_walk: float = 0.03  # m per sqrt(m) travelled, along
-    side_walk: float = 0.02  # m per sqrt(m) travelled, across
-    turn_walk: float = 0.05  # rad per sqrt(rad) turned
-    heading_walk: float = 0.03  # rad per sqrt(m) travelled
+    distance_walk: float = 0.04  # m per sqrt(m) travelled, along
+    side_walk: float = 0.025  # m per sqrt(m) travelled, across
+    turn_walk: float = 0.08  # rad per sqrt(rad) turned
+    heading_walk: float = 0.045  # rad per sqrt(m) travelled
     heading_rest: float = 1e-3  # rad per sqrt(s), at rest, too
     position_rest: float = 1e-3  # m per sqrt(s), at rest, too
     scale_walk: float = 1e-3  # 1 per sqrt(m) travelled
