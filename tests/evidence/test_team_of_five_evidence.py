@@ -20,7 +20,7 @@ from published import publish
 pytestmark = pytest.mark.evidence
 
 SEEDS = range(1, 1 + int(os.environ.get("OUTRIDER_SEEDS", "8")))
-SLOW = 1  # seeds of `distributed`
+SLOW = 1 if len(SEEDS) > 3 else 0  # seeds of `distributed`, which takes minutes
 SET_UPS = {
     "15 landmarks, all robots see them": BarcodeTeam(),
     "3 of 15 landmarks can be seen": BarcodeTeam(shown=3),
@@ -74,7 +74,7 @@ def test_five_robots_in_a_room(tmp_path: Path) -> None:
         row(f"joint; {FULL}", done[FULL], "", True),
         row(f"joint; {SCARCE}", done[SCARCE], f"gain >= 25 %: {spread(gained, '{:.0%}')}", min(gained) >= 0.25),
         row(f"joint; {ONE}", done[ONE], f"each robot < 0.30 m: {spread(blind)}", max(blind) < 0.30),
-        row(f"distributed; {ONE}", apart, "each robot < 0.30 m", max(max(robots(r)) for r in apart) < 0.30),
+        *(row(f"distributed; {ONE}", [r], "each robot < 0.30 m", max(robots(r)) < 0.30) for r in apart),
         row(f"joint; {LIAR}", done[LIAR], f"the other four < 0.10 m: {spread(others)}", max(others) < 0.10),
     ]
     publish(
@@ -95,4 +95,4 @@ def test_five_robots_in_a_room(tmp_path: Path) -> None:
     assert min(gained) >= 0.25
     assert max(blind) < 0.30
     assert all(0.7 < r.score.nees < 1.3 for name in (FULL, SCARCE, ONE) for r in done[name] if r.score)
-    assert max(others) < 0.10
+    assert max(others) < 0.10 and all(max(robots(r)) < 0.30 for r in apart)
