@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 from enum import Enum
+from math import inf, isfinite, nan
 from typing import Final, Protocol, final
 
 import numpy as np
@@ -46,7 +47,7 @@ class DriveLimits:
     min_radius: float = 0.0
     rims: Floats = field(default_factory=lambda: np.empty((0, 3)))
     rim_speed: float = np.inf
-    _rows: Floats = field(init=False, repr=False, compare=False)
+    _rows: list[list[float]] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if self.deceleration == 0.0:
@@ -65,7 +66,7 @@ class DriveLimits:
             raise ConfigError(f"rims of shape {self.rims.shape}", where="drive limits", fix="a row of three per wheel")
         if not self.rim_speed > 0.0:
             raise ConfigError(f"rim_speed of {self.rim_speed:g} m/s", where="drive limits", fix="a positive number")
-        object.__setattr__(self, "_rows", self.rows)
+        object.__setattr__(self, "_rows", self.rows.tolist())
 
     @property
     def rows(self) -> Floats:
@@ -88,11 +89,13 @@ class DriveLimits:
 
     def excess(self, twist: Floats) -> float:
         """The largest share of a limit that a twist (3,) asks for: at most 1 for one that is allowed."""
-        y = self._rows[:, :3] @ twist
-        end = np.where(y > 0.0, self._rows[:, 4], -self._rows[:, 3])
-        asked = np.abs(y)
-        shares = np.divide(asked, end, out=np.where(asked > 1e-12, np.inf, 0.0), where=end > 0.0)
-        return float(shares.max())
+        x, y, w = twist.tolist()
+        most = 0.0 if isfinite(x + y + w) else nan
+        for a, b, c, low, high in self._rows:
+            asked = a * x + b * y + c * w
+            end = high if asked > 0.0 else -low
+            most = max(most, abs(asked) / end if end > 0.0 else inf if abs(asked) > 1e-12 else 0.0)
+        return most
 
 
 @final

@@ -1,9 +1,11 @@
 """How a base slows down: the way it still goes, and commands that it can follow."""
 
+from math import cos, sin
 from typing import Final
 
 import numpy as np
 
+from outrider._kernel import kernel
 from outrider.data.driving import DriveLimits, Steering
 from outrider.typing import Floats
 
@@ -47,13 +49,22 @@ def braking(pose: Floats, twist: Floats, limits: DriveLimits, reaction: float, k
 
 def moved(pose: Floats, twist: Floats, seconds: Floats) -> Floats:
     """(n, 3) poses after going at a constant twist for each of `seconds` (n,): exact, a circle or a straight line."""
-    turned = twist[2] * seconds
-    middle = pose[2] + 0.5 * turned
-    chord = seconds * np.sinc(0.5 * turned / np.pi)
-    c, s = np.cos(middle), np.sin(middle)
-    x = pose[0] + chord * (c * twist[0] - s * twist[1])
-    y = pose[1] + chord * (s * twist[0] + c * twist[1])
-    return np.column_stack([x, y, pose[2] + turned])
+    out = np.empty((len(seconds), 3))
+    go_on(pose, twist, seconds, out)
+    return out
+
+
+@kernel
+def go_on(pose: Floats, twist: Floats, seconds: Floats, out: Floats) -> None:
+    """`moved`."""
+    for i in range(seconds.size):
+        turned = twist[2] * seconds[i]
+        half, middle = 0.5 * turned, pose[2] + 0.5 * turned
+        chord = seconds[i] * (sin(half) / half if half != 0.0 else 1.0)
+        c, s = cos(middle), sin(middle)
+        out[i, 0] = pose[0] + chord * (c * twist[0] - s * twist[1])
+        out[i, 1] = pose[1] + chord * (s * twist[0] + c * twist[1])
+        out[i, 2] = pose[2] + turned
 
 
 def saturated(twist: Floats, limits: DriveLimits) -> Floats:
