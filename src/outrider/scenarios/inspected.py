@@ -1,6 +1,7 @@
 """What became of an inspection: errors and honesty of every robot, what was seen, landings, what sharing was worth."""
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -106,6 +107,20 @@ def _shown(cast: Cast, run: Simulation, name: str, agent: Rover | Drone, plan: I
     gaze = _turned(plan.pictures.gaze[taken[:, 1]], off)
     table = np.ascontiguousarray(cast.world.solids.table)
     return seen(table, plan.task.camera, truth.p, gaze, plan.on).any(axis=0)
+
+
+def write_picture(cast: Cast, run: Simulation, path: Path) -> None:
+    """Draw what every robot has seen, and its way."""
+    from outrider.plot.inspection import Inspected, inspection_figure  # imports matplotlib
+    from outrider.plot.style import save_png
+
+    drawn: dict[str, Inspected] = {}
+    for r in cast.team:
+        if isinstance(r.agent, Rover | Drone):
+            plan, driven = cast.plans[r.name], run.truth[r.name].p[::20]
+            shown = _shown(cast, run, r.name, r.agent, plan)
+            drawn[r.name] = Inspected(surface=plan.on.p, seen=shown, planned=plan.path.p, driven=driven)
+    save_png(inspection_figure(drawn), path)
 
 
 def _turned(v: Floats, angle: Floats) -> Floats:

@@ -21,7 +21,7 @@ from outrider.models.vehicles import Vehicle
 from outrider.scenarios.booked import mission, served
 from outrider.scenarios.build import Cast, build
 from outrider.scenarios.files import scenario_text
-from outrider.scenarios.inspected import inspection
+from outrider.scenarios.inspected import inspection, write_picture
 from outrider.scenarios.parts import Scenario
 from outrider.sim.engine import Ending, Simulation
 from outrider.sim.monitor import Closest
@@ -33,6 +33,7 @@ from outrider.team.patrol import Patrol
 SCHEMA: Final = "outrider.simulation/1"
 SUMMARY, RECORDING, SCENARIO, REPORT = "summary.json", "run.mcap", "scenario.yaml", "report.html"
 FILM: Final = "film.gif"
+PICTURE: Final = "inspection.png"
 FILM_HZ: Final = 10.0
 GOOD: Final = (Ending.GOAL, Ending.TIME)
 
@@ -110,6 +111,8 @@ def run_scenario(
             tell("report", 0.0)
             text = scenario_text(scenario)
             write_simulation_report(done.run, document, part / REPORT, scenario=text, command=command)
+            if document["inspection"]:
+                write_picture(cast, done.run, part / PICTURE)
         folders.write_marker(part, SUMMARY, document)
     return done, document
 
