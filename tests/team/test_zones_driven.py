@@ -12,6 +12,7 @@ from outrider.data.site import Shape, ShapeKind
 from outrider.io.sites import parse_site
 from outrider.mapping.sites import draw
 from outrider.mapping.zones import Zones
+from outrider.scenarios.booked import mission
 from outrider.scenarios.build import build
 from outrider.scenarios.files import parse_scenario
 from outrider.sim.engine import Ending, Simulation
@@ -36,8 +37,12 @@ LANE: Floats = np.array([[1.0, -3.0], [11.0, -3.0], [11.0, 0.0], [1.0, 0.0]])
 def drives(drawing: dict[str, Any], start: tuple[float, float, float], stops: Any, seconds: float) -> Simulation:
     team = {"r1": robot(start, stops)}
     place = {"type": "site", "drawing": drawing}
-    run = build(parse_scenario({"duration_s": seconds, "seed": 3, "world": {"place": place}, "team": team})).run()
-    assert run.ending is Ending.TIME
+    cast = build(parse_scenario({"duration_s": seconds, "seed": 3, "world": {"place": place}, "team": team}))
+    run = cast.run()
+    told = mission(cast, run)
+    assert run.ending is Ending.TIME and told is not None and told["robots"]["r1"]["legs"]["open ground"] >= 1
+    kinds = ["speed"] * len(drawing.get("speed_zones", ())) + ["one_way"] * len(drawing.get("one_way", ()))
+    assert [z["kind"] for z in told["zones"]] == kinds
     return run
 
 
