@@ -10,8 +10,8 @@ from outrider.filters.cooperative import Method, agreements, fuse_team, unobserv
 
 
 def test_honest_records_agree_and_a_noisier_sensor_does_not(rng: np.random.Generator) -> None:
-    members, sources, _ = points(rng, 2, 200, 5)
-    t = np.array([19.9])
+    members, sources, _ = points(rng, 2, 120, 5)
+    t = np.array([11.9])
     rows = agreements(fuse_team(members, sources, Method.JOINT, t, start=0.0), sources)
     assert [(r.robot, r.sensor, r.partner) for r in rows] == [
         ("r0", "position", ""), ("r1", "position", ""), ("r0", "relative_pose", "r1"), ("r1", "relative_pose", "r0"),

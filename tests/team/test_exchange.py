@@ -177,6 +177,7 @@ def test_what_is_lost_comes_with_the_next_telegram() -> None:
     assert np.mean(errors["nees"]) / 6.0 == pytest.approx(1.0, abs=0.35)
 
 
+@pytest.mark.compiled
 def test_a_robot_that_disappears_and_returns_is_caught_up_with() -> None:
     made = team(2, 3, 60)
     radio = Radio(latency_s=0.02, outages_s={"r2>*": ((1.0, 4.0),), "*>r2": ((1.0, 4.0),)})
