@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from outrider.cli.app import app
 from outrider.data import EventLog, Kind, Trajectory
 from outrider.data.team_run import CODES, Sighting, TeamRun
-from outrider.errors import ConfigError, DataError, ExitCode
+from outrider.errors import ConfigError, DataError, ExitCode, UsageError
 from outrider.io.mrclam import write_mrclam
 from outrider.io.registry import read_log
 from outrider.sim.barcodes import UNKNOWN, BarcodeTeam, barcode_log
@@ -234,6 +234,18 @@ def test_the_command_writes_a_folder_and_its_configuration_does_it_again() -> No
         apart = [*again[:3], str(room / "three"), "-q", "--no-report", "--set", "team.cooperation=none"]
         assert CliRunner().invoke(app, apart).exit_code == ExitCode.OK
         assert json.loads((room / "three/summary.json").read_text())["cooperation"]["name"] == "none"
+
+
+def test_one_robot_of_a_team_by_what_it_sees_of_landmarks() -> None:
+    with folder() as room:
+        words = ["fuse", str(room / "log"), "-o", str(room / "out"), "--json", "-q", "--no-report", "--robot"]
+        run = CliRunner().invoke(app, [*words, "robot2"])
+        assert run.exit_code == ExitCode.OK and set(json.loads(run.stdout)["robots"]) == {"robot2"}
+        told = json.loads(run.stdout)
+        assert told["robots"]["robot2"]["score"]["rmse_m"] < 0.15
+        assert told["sightings"]["absent"] > 10 and "unmapped" not in told["sightings"]
+        with pytest.raises(UsageError, match="no robot 'robot9'"):
+            CliRunner().invoke(app, [*words[:3], str(room / "two"), "--robot", "robot9"], catch_exceptions=False)
 
 
 @pytest.mark.parametrize("given", ["team.cooperation=all", "team.what=1", "team"])

@@ -111,12 +111,12 @@ def fuse(
     from outrider.io.runs import ensure_free
 
     kind = check_input(log, start_s=start, end_s=end, mapping=mapping)  # before the compiler is loaded
-    if robot is None and (kind == "mrclam folder" or settings.team is not None):
+    if kind == "mrclam folder" or (robot is None and settings.team is not None):
         from outrider.cli.teams import fuse_team
 
         return fuse_team(
             log, settings, output, topics=topic, start=start, end=end, force=force, json=json, report=report,
-            quiet=quiet, verbose=verbose,
+            quiet=quiet, verbose=verbose, robot=robot,
         )  # fmt: skip
     folder = output or Path(f"{log.resolve().stem}-run")
     hush_matplotlib()

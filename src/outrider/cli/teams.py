@@ -27,8 +27,9 @@ def fuse_team(
     report: bool,
     quiet: bool,
     verbose: bool,
+    robot: str | None = None,
 ) -> int:
-    """Fuse the logs of a team into a folder."""
+    """Fuse the logs of a team into a folder. robot : only this one, by what it sees of landmarks"""
     from outrider.cli.progress import Progress
     from outrider.io.team_runs import ensure_free
 
@@ -39,7 +40,7 @@ def fuse_team(
         from outrider.workflows.fuse_file import Input
         from outrider.workflows.team_file import exit_code, fuse_team_file
 
-        source = Input(log=log, topics=topics, start_s=start, end_s=end)
+        source = Input(log=log, topics=topics, start_s=start, end_s=end, robot=robot)
         run, summary = fuse_team_file(source, folder, settings, force=force, report=report, progress=progress)
     code = exit_code(run)
     if json:
@@ -68,7 +69,8 @@ def show(summary: Mapping[str, Any], folder: Path, *, quiet: bool = False, verbo
     """Outcome, the table of robots, findings, and what became of what they saw."""
     out = render.console()
     robots, how, team = summary["robots"], summary["cooperation"], summary["team"]
-    out.print(Text(_outcome(summary), "bold green" if not summary["absent"] else "bold yellow"))
+    lost = [why for why in summary["absent"].values() if "configuration" not in why]
+    out.print(Text(_outcome(summary), "bold green" if not lost else "bold yellow"))
     if quiet:
         return
     took = f"computed in {render.number(summary['wall_s'])} s"
@@ -90,7 +92,7 @@ def show(summary: Mapping[str, Any], folder: Path, *, quiet: bool = False, verbo
         seen = summary["sightings"]
         table.add_row("all", "", "", *_scores(team), f"{seen.get('used', 0)}", f"{seen.get('gated', 0)}")
     render.print_table(out, table)
-    if team["gain"] is not None:
+    if team["gain"] is not None and len(robots) > 1:
         out.print(Text(f"against ground truth: cooperation lowers the RMSE over all robots by {team['gain']:.0%}"))
     for f in summary["findings"]:
         if verbose or f["severity"] != "info":

@@ -7,10 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from outrider.data import EventLog
 from outrider.data.team_run import CODES, Score, Sighting, TeamRun
 from outrider.errors import ExitCode
 from outrider.io.mrclam import write_mrclam
 from outrider.io.registry import read_log
+from outrider.io.robots import of_robot
 from outrider.io.team_runs import ERRORS, SCHEMA, TRACKS, ensure_free, team_folder, write_team
 from outrider.sim.barcodes import BarcodeTeam, barcode_log
 from outrider.typing import Floats
@@ -44,11 +46,18 @@ def fuse_team_file(
 
     log = read_log(source.log, topics=source.topics, start_s=source.start_s, end_s=source.end_s, progress=of_files)
     tell("fusing", 0.0)
-    run = fuse_team_log(log, config, progress=progress)
+    run = fuse_team_log(log, config if source.robot is None else _only(log, config, source.robot), progress=progress)
     document = summarise(run)
     with team_folder(output, force=force) as part:
         _write(run, document, part, tell, report=report)
     return run, document
+
+
+def _only(log: EventLog, config: FuseConfig, robot: str) -> FuseConfig:
+    """The configuration with everybody else left out."""
+    of_robot(log, robot)  # refuses one that is not there
+    others = tuple(sorted({s.robot for s in log} - {robot}))
+    return config.model_copy(update={"team": (config.team or TeamSection()).model_copy(update={"without": others})})
 
 
 def demo_team(
@@ -164,7 +173,10 @@ def gain(score: Score | None, alone: Score | None) -> float | None:
 
 def findings(run: TeamRun) -> list[dict[str, str]]:
     """What somebody should know, most severe first: severity and text."""
-    out = [{"severity": "warning", "text": f"{n} is not part of the team: {why}"} for n, why in run.absent.items()]
+    out = [
+        {"severity": "info" if "configuration" in why else "warning", "text": f"{n} is not part of the team: {why}"}
+        for n, why in run.absent.items()
+    ]
     for r in run.robots:
         late = (r.started - run.start) * 1e-9
         if late > 30.0:

@@ -187,15 +187,17 @@ def _sightings(
     subject = np.where(np.isfinite(values[:, 0]), values[:, 0], -1.0).astype(np.int64)
     seen = Seen(t=_seconds(t_ns, start), t_ns=t_ns, robot=who, subject=subject, z=values[:, 1:],
                 what=np.full(t_ns.size, OPEN))  # fmt: skip
-    _judge(seen, mates, marks, team)
+    _judge(seen, mates, marks, {**log.ids, **team.ids}, team)
     return seen
 
 
-def _judge(seen: Seen, mates: Sequence[Mate], marks: Mapping[int, Floats], team: TeamSection) -> None:
+def _judge(
+    seen: Seen, mates: Sequence[Mate], marks: Mapping[int, Floats], ids: Mapping[str, int], team: TeamSection
+) -> None:
     """Refuse what can be told at once, for the first reason that holds."""
     numbers = np.array([m.number for m in mates], np.int64)
     blind = [i for i, m in enumerate(mates) if team.landmarks_for is not None and m.name not in team.landmarks_for]
-    mapped, teammate = np.isin(seen.subject, list(marks)), np.isin(seen.subject, numbers)
+    mapped, teammate = np.isin(seen.subject, list(marks)), np.isin(seen.subject, [*ids.values(), *numbers.tolist()])
     r, b = seen.z.T
     reasons: dict[Sighting, Bools] = {
         Sighting.UNKNOWN: seen.subject < 0,
