@@ -71,6 +71,8 @@ def test_an_aircraft_off_its_place_shifts_what_the_lidar_says() -> None:
 def test_a_trial_refuses_what_it_does_not_know() -> None:
     with pytest.raises(ConfigError, match="no parameter 'gnss_bais'"):
         cooperation({"method": "joint", "gnss_bais": 0.4}, 0)
+    with pytest.raises(ConfigError, match="ci does not talk by radio"):
+        cooperation({"method": "ci", "loss": 0.5}, 0)
 
 
 @pytest.mark.compiled

@@ -35,9 +35,11 @@ def cooperation(params: Params, seed: int) -> Mapping[str, Any]:
     Returns means and spreads over time of errors: position [m], heading, yaw, tilt and attitude [deg], velocity [m/s],
     rate [deg/s]; NEES per degree of freedom of the pose, its mean and once a second.
     """
-    given = dict(params)
-    on_air = {name: float(given.pop(name)) for name in ("loss", "delay_s", "jitter_s") if name in given}  # type: ignore[arg-type]
+    given: dict[str, Any] = dict(params)
+    on_air = {name: float(given.pop(name)) for name in ("loss", "delay_s", "jitter_s") if name in given}
     method, faults, tuning = _read(given)
+    if on_air and method is not Method.DISTRIBUTED:
+        raise ConfigError(f"{method.name.lower()} does not talk by radio", fix="set method to distributed")
     way = tours()
     times = np.arange(1, round(way.t[-1] / EVERY_S) + 1) * EVERY_S
     false_alarm = 0.0 if tuning.printed else FALSE_ALARM
@@ -45,7 +47,7 @@ def cooperation(params: Params, seed: int) -> Mapping[str, Any]:
     told: dict[str, float] = {}
     if not on_air:
         done = fuse_team(members, sources, method, times, shared=shared, start=0.0, false_alarm=false_alarm)
-    elif method is Method.DISTRIBUTED:
+    else:
         radio = Radio(
             loss=on_air.get("loss", 0.0), latency_s=on_air.get("delay_s", 0.02), jitter_s=on_air.get("jitter_s", 0.0)
         )
@@ -57,8 +59,6 @@ def cooperation(params: Params, seed: int) -> Mapping[str, Any]:
             "telegrams": heard.telegrams, "received": heard.received, "sent_mb": heard.sent_bytes * 1e-6,
             "refused": heard.refused.total(), "isolated": len(heard.isolated),
         }  # fmt: skip
-    else:
-        raise ConfigError(f"{method.name.lower()} does not talk by radio", fix="set method to distributed")
     return {**_ground(done, way, times), **_air(done, way, times), **told}
 
 
