@@ -119,6 +119,9 @@ class Truth:
     def rows_at(self, t: Ints) -> Ints | slice | None:
         """The rows with just these stamps, as a slice if they are evenly spaced; None if some lie between rows."""
         spacing = max(int(self.t[1] - self.t[0]), 1) if len(self) > 1 else 1
+        if t.size == 1:  # of most sensors in most steps
+            k = min(int(t[0] - self.t[0]) // spacing, len(self) - 1)
+            return slice(k, k + 1, 1) if self.t[k] == t[0] else None
         i = np.minimum((t - self.t[0]) // spacing, len(self) - 1)
         if not np.array_equal(self.t[i], t):
             return None
