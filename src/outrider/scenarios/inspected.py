@@ -36,11 +36,17 @@ def inspection(cast: Cast, run: Simulation) -> dict[str, Any] | None:
         if method is not crew.method
     }
     return {
-        "method": {"code": crew.method.name.lower(), "text": crew.method.value},
+        "method": {"code": crew.method.name.lower(), "text": _told(crew)},
         "robots": {name: _robot(cast, run, name, agent) for name, agent in robots.items()},
         "sensors": crew.counts(),
         "without": {"exchange": other.get("local"), "exchange, lidar and stereo": other.get("none")},
     }
+
+
+def _told(crew: Crew) -> str:
+    """How it shares: step by step, teams of more than two that only talk when they meet are cautious."""
+    exact = crew.method is not Method.DISTRIBUTED or len(crew.names) <= 2
+    return crew.method.value if exact else f"among more than two: {Method.SPLIT_CI.value}"
 
 
 def without(cast: Cast, run: Simulation) -> dict[str, dict[str, Any]]:
