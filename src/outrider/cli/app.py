@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from outrider.cli import doctor as doctors
 from outrider.cli import evaluate as evaluation
 from outrider.cli import mapping as maps
 from outrider.cli import parse
@@ -205,6 +206,7 @@ def sources(
     return ExitCode.OK
 
 
+app.command("doctor", short_help=doctors.ABOUT)(doctors.doctor_command)
 app.command("eval", short_help=evaluation.ABOUT)(evaluation.eval_command)
 app.command("run", short_help=scenarios.ABOUT)(scenarios.run_command)
 app.command("map", short_help=maps.ABOUT)(maps.map_command)

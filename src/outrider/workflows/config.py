@@ -9,12 +9,20 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from outrider.io.checked import Flag, Number, Whole
 
+
+def _no_zero(gain: float) -> float:
+    if gain == 0.0:
+        raise ValueError("leaves nothing of it (write `use: ignore`)")
+    return gain
+
+
 # Limits are far beyond any use, and keep what follows from a slip of the keyboard finite.
 Length = Annotated[Number, Field(ge=-1e6, le=1e6)]
 Angle = Annotated[Number, Field(ge=-360, le=360)]
 Positive = Annotated[Number, Field(gt=0, le=1e6)]
 Walk = Annotated[Number, Field(ge=0, le=1e6)]
 Deviation = Annotated[Number, Field(ge=1e-9, le=1e9)]
+Gain = Annotated[Number, Field(ge=-1e4, le=1e4), AfterValidator(_no_zero)]
 Second = Annotated[Number, Field(ge=-1e9, le=1e9)]
 
 
@@ -64,6 +72,12 @@ class SourceSection(Section):
     """Instead of the mount of the source's frame."""
     delay_s: Annotated[Number, Field(ge=-3600, le=3600)] = 0.0
     """How much older the measurement is than its stamp."""
+    rate_gain: Gain = 1.0
+    """Multiplies angular rates (IMU, TWIST): 0.0174533 makes rad/s of deg/s, -1 turns their sense."""
+    force_gain: Gain = 1.0
+    """Multiplies the accelerations of an IMU: 9.80665 makes m/s^2 of g, -1 for one that tells gravity's pull."""
+    speed_gain: Gain = 1.0
+    """Multiplies speeds (TWIST, WHEELS, ACKERMANN): 0.277778 makes m/s of km/h."""
     track_m: Positive | None = None
     """Distance between left and right wheels (WHEELS)."""
     wheel_base_m: Positive | None = None
@@ -141,6 +155,8 @@ class FuseConfig(Section):
     team: TeamSection | None = None
     """Of a recording of several robots: fuse them together."""
     planar: PlanarSection = PlanarSection()
+    diagnose: Flag = True
+    """Find mounts, units, senses and clock offsets that nobody gave from the log itself, and use them."""
     output_period_s: Annotated[Number, Field(ge=1e-3, le=3600)] = 0.05
     history_s: Annotated[Number, Field(gt=0, le=3600)] = 2.0
     """How late a record may arrive and still be put in its place."""

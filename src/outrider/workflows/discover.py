@@ -21,6 +21,10 @@ from outrider.workflows.draft import Draft, Plan, first_stamp
 from outrider.workflows.rules import RULES, unused
 
 WHEELED: Final = frozenset({Kind.TWIST, Kind.WHEELS, Kind.ACKERMANN})
+GAINS: Final = {
+    Kind.IMU: ("rate",) * 3 + ("force",) * 3, Kind.TWIST: ("speed",) * 3 + ("rate",) * 3,
+    Kind.WHEELS: ("speed",), Kind.ACKERMANN: ("speed", "angle"),
+}  # fmt: skip
 FAR: Final = 50_000.0  # m from the datum: its up is by then half a degree off the local one
 
 
@@ -32,7 +36,7 @@ def plan(log: EventLog, cfg: FuseConfig) -> Plan:
     """
     check_names(log, cfg)
     check_sense(cfg)
-    log = replace(log, streams={s.name: stated_fixes(delayed(s, cfg)) for s in log})
+    log = replace(log, streams={s.name: stated_fixes(delayed(scaled(s, cfg), cfg)) for s in log})
     verdicts = screened(log)
     log = replace(log, streams={s.name: known_fixes(s) for s in log})
     d = Draft(log, cfg, choose_motion(log, cfg, verdicts), find_datum(log, cfg, verdicts), verdicts)
@@ -133,6 +137,18 @@ def refuse_stuck_wheels(log: EventLog, verdicts: Mapping[str, Ints]) -> None:
         for s in log.of(*WHEELED):
             v = verdicts[s.name]
             v[stuck(s, turning) & (v == Verdict.USED)] = Verdict.FROZEN
+
+
+def scaled(s: Stream, cfg: FuseConfig) -> Stream:
+    """The stream with its columns multiplied by the configured gains, its stated variances by their squares."""
+    section = cfg.sources.get(s.name)
+    if section is None or s.kind not in GAINS:
+        return s
+    told = {"rate": section.rate_gain, "force": section.force_gain, "speed": section.speed_gain}
+    gains = np.array([told.get(what, 1.0) for what in GAINS[s.kind]])
+    if len(gains) != s.z.shape[1]:
+        gains = np.full(s.z.shape[1], gains[0])
+    return s if (gains == 1.0).all() else replace(s, z=s.z * gains, var=s.var * gains**2)
 
 
 def delayed(s: Stream, cfg: FuseConfig) -> Stream:

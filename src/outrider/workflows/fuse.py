@@ -36,8 +36,9 @@ from outrider.typing import Floats
 from outrider.workflows.collect import Collector, accounts
 from outrider.workflows.config import FuseConfig
 from outrider.workflows.discover import Plan, plan
+from outrider.workflows.doctor import prescribed
 from outrider.workflows.draft import first_stamp
-from outrider.workflows.findings import judge
+from outrider.workflows.findings import in_order_of_harm, judge
 
 Progress = Callable[[str, float], None]
 THROUGHOUT: Final = 0.99  # share of the time; a second or two go by before a heading shows
@@ -66,6 +67,7 @@ def fuse(log: EventLog, config: FuseConfig | None = None, *, progress: Progress 
 
 def estimate(log: EventLog, cfg: FuseConfig, progress: Progress | None) -> Run:
     """The job itself, see `fuse`."""
+    cfg, remarks = prescribed(log, cfg)
     chosen = plan(log, cfg)
     start = first_stamp(chosen)
     everything = channel_records(chosen, chosen.whole, cfg, start)
@@ -103,7 +105,7 @@ def estimate(log: EventLog, cfg: FuseConfig, progress: Progress | None) -> Run:
             if t.states and not c.scored
         },
     )
-    findings = (*judge(run, chosen, aligned), *log_notes(log))
+    findings = in_order_of_harm((*remarks, *judge(run, chosen, aligned), *log_notes(log)))
     return replace(run, findings=findings, outcome=outcome(run, findings, aligned, chosen))
 
 

@@ -3,6 +3,7 @@
 One function per question; each looks at a finished run, the plan and the alignment it came from, and returns findings.
 """
 
+from collections.abc import Iterable
 from typing import Final
 
 from outrider.data import Finding, Run
@@ -27,7 +28,12 @@ def judge(run: Run, chosen: Plan, aligned: Alignment) -> tuple[Finding, ...]:
     found = list(chosen.findings)
     for question in QUESTIONS:
         found += question(run, chosen, aligned)
+    return in_order_of_harm(found)
+
+
+def in_order_of_harm(found: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Errors, warnings, remarks; in the order given among themselves."""
     return tuple(sorted(found, key=lambda f: ORDER[f.severity]))
 
 
-__all__ = ["judge"]
+__all__ = ["in_order_of_harm", "judge"]

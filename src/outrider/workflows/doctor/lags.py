@@ -1,0 +1,84 @@
+"""How much one source's clock is behind another's, from a motion that both tell."""
+
+from dataclasses import dataclass
+from typing import Final, final
+
+import numpy as np
+
+from outrider.typing import Floats
+from outrider.workflows.doctor.signals import Signal, instants
+
+MOST: Final = 2.0  # s: clocks further apart are another fault
+STEPS: Final = (0.05, 0.01)  # s of the first search and of the second
+LIKE: Final = 0.6  # correlation below which two signals do not tell the same motion
+CLEAR: Final = 0.02  # by which the best lag must correlate better than any that lies a window off
+FEW: Final = 100  # instants compared, at least
+LEAST_WINDOW: Final = 0.2  # s
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Lag:
+    """b's stamps are `lag` s too late against a's (its records are so much older than they say), +- sd; a = gain b;
+    r : correlation at that lag."""
+
+    a: str
+    b: str
+    lag: float
+    sd: float
+    gain: float
+    r: float
+
+
+def lag_between(a: Signal, b: Signal, window: float = 0.0, most: float = MOST) -> Lag | None:
+    """The lag of b behind a at which they are most alike; None where they are not, or alike at several lags.
+
+    b(t + lag) is what a(t) was. Both are averaged over one window; the correlation's peak is found by search, then by
+    a parabola; its deviation is that of the time shift in a least-squares fit, with as many independent residuals as
+    there are windows.
+    """
+    window = max(window, 2.0 * a.period, 2.0 * b.period, a.blur, b.blur, LEAST_WINDOW)
+    at = instants(a, b, 0.5 * window)
+    if len(at) < FEW:
+        return None
+    mine = a.mean(at, window)
+    lags = np.arange(-most, most + 0.5 * STEPS[0], STEPS[0])
+    likeness = np.array([correlation(mine, b.mean(at + lag, window)) for lag in lags])
+    best = int(np.nanargmax(np.abs(likeness))) if np.isfinite(likeness).any() else 0
+    if not abs(likeness[best]) > LIKE or best in (0, len(lags) - 1):
+        return None
+    sign = np.sign(likeness[best])
+    away = np.abs(lags - lags[best]) > max(2.0 * window, 0.5)
+    if away.any() and np.nanmax(sign * likeness[away]) > sign * likeness[best] - CLEAR:
+        return None
+    near = lags[best] + np.arange(-STEPS[0], STEPS[0] + 0.5 * STEPS[1], STEPS[1])
+    likeness = sign * np.array([correlation(mine, b.mean(at + lag, window)) for lag in near])
+    best = int(np.clip(np.nanargmax(likeness), 1, len(near) - 2))
+    low, mid, high = likeness[best - 1 : best + 2]
+    bend = low - 2.0 * mid + high
+    lag = near[best] + (0.5 * (low - high) / bend * STEPS[1] if bend < 0.0 else 0.0)
+    return fitted(a, b, at, window, float(lag))
+
+
+def correlation(x: Floats, y: Floats) -> float:
+    """Pearson's r of what is finite in both."""
+    good = np.isfinite(x) & np.isfinite(y)
+    if good.sum() < FEW:
+        return float("nan")
+    x, y = x[good] - x[good].mean(), y[good] - y[good].mean()
+    size = float(np.sqrt((x @ x) * (y @ y)))
+    return float(x @ y) / size if size > 0.0 else float("nan")
+
+
+def fitted(a: Signal, b: Signal, at: Floats, window: float, lag: float) -> Lag:
+    """The gain at a lag, and how sure the lag is."""
+    x, y = a.mean(at, window), b.mean(at + lag, window)
+    rate = (b.mean(at + lag + 0.25 * window, window) - b.mean(at + lag - 0.25 * window, window)) / (0.5 * window)
+    good = np.isfinite(x) & np.isfinite(y) & np.isfinite(rate)
+    x, y, rate = x[good] - x[good].mean(), y[good] - y[good].mean(), rate[good]
+    gain = float(x @ y) / float(y @ y)
+    left = x - gain * y
+    told = gain**2 * float(rate @ rate)
+    shared = 1.0 + 2.0 * max(correlation(left[1:] * rate[1:], left[:-1] * rate[:-1]), 0.0)  # neighbours overlap
+    sd = float(np.sqrt(shared * np.mean(left**2) / told)) if told > 0.0 else float("inf")
+    return Lag(a.source, b.source, lag, sd, gain, float(x @ y) / float(np.sqrt((x @ x) * (y @ y))))
