@@ -139,3 +139,19 @@ class Clash(NamedTuple):
 def clash(z: Floats, b: Body, a: Around, spare: float = 0.0) -> Clash:
     """See `first_conflict`."""
     return Clash(*first_conflict(np.ascontiguousarray(z, np.float64), len(z), b, a, spare))
+
+
+def clash_ahead(z: Floats, b: Body, a: Around, spare: float) -> Clash:
+    """The same for a robot that may be too near to something already: that does not count as long as the room grows.
+
+    Otherwise a way out would be as blocked as all others, and who came too near would stay there.
+    """
+    hit, knot = clash(z, b, a, spare), 0
+    before = -inf
+    while hit.knot == 0 and knot + 1 < len(z):
+        here = clash(z[knot : knot + 1], b, a).room
+        if not before < here < spare:
+            break
+        before, knot = here, knot + 1
+        hit = clash(z[knot:], b, a, spare)
+    return hit if hit.free else hit._replace(knot=hit.knot + knot)

@@ -21,7 +21,7 @@ from outrider.planning.local.guide import near
 from outrider.planning.local.optimise import optimise
 from outrider.planning.local.problem import Problem, Weights, Work, workspace
 from outrider.planning.local.ways import obstacles_near, same, signature, ways
-from outrider.safety.clearance import Around, Body, Clash, around, body_of, clash
+from outrider.safety.clearance import Around, Body, Clash, around, body_of, clash, clash_ahead
 from outrider.safety.stopping import braking, saturated, smoothed, stop, stopping_distance
 from outrider.typing import Floats
 
@@ -192,7 +192,7 @@ class Teb:
         w.z[0, n - 1] = z[-1]
         n, _, used = optimise(n, p, w, passes, iterations, 2e-4)
         out = w.z[0, :n].copy()
-        hit = clash(out, self._body, a, s.spare)
+        hit = clash_ahead(out, self._body, a, s.spare)
         tight = max(1.0 - max(hit.room, 0.0) / s.gap, 0.0)
         return Band(out, hit, float(out[-1, 3]) + s.dear * tight + (1e3 if not hit.free else 0.0), used)
 
