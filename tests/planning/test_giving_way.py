@@ -128,6 +128,42 @@ def test_a_robot_that_stands_goes_out_of_the_way_of_who_comes(aside: float) -> N
     assert "somebody comes" in next(p for p in plans if p.outcome is LocalOutcome.GIVE_WAY).reason
 
 
+@dataclass
+class Home:
+    """A planner that drives to its goal straight ahead and stops there, whoever comes."""
+
+    limits: DriveLimits
+
+    def plan(self, now: Situation, last: LocalPlan | None = None) -> LocalPlan:
+        gap = now.goal[:2] - now.pose[:2]
+        far = float(np.hypot(*gap))
+        speed = min(0.8, float(np.sqrt(2.0 * 0.5 * far)), 10.0 * far)
+        u = np.array([*(speed * gap / max(far, 1e-9)), 0.0])
+        t = np.linspace(0.0, max(far / max(speed, 0.1), 0.1), 21)
+        band = np.column_stack([now.pose[0] + gap[0] * t / t[-1], now.pose[1] + gap[1] * t / t[-1], 0.0 * t, t])
+        return LocalPlan(outcome=LocalOutcome.DRIVE, time=now.time, twist=u, band=band)
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize(("behind", "aside"), [(3.0, -0.5), (3.6, -0.3), (4.2, 0.1), (4.8, 0.4)])
+def test_who_catches_up_at_the_goal_is_let_past_beside_it(behind: float, aside: float) -> None:
+    """He is faster, so that running on before him leads nowhere: aside by what he needs, and back."""
+    planner = Yielding(planner=Home(MECANUM), footprint=DISC)
+    pose, twist, goal, last = np.zeros(3), np.array([0.8, 0.0, 0.0]), np.array([1.0, 0.0, 0.0]), None
+    room, past, given = np.inf, 0.0, 0
+    for k in range(70):
+        man = np.array([0.14 * k - behind, aside, 0.3, 1.4, 0.0])
+        now = Situation(time=0.1 * k, pose=pose, twist=twist, goal=goal, surroundings=Surroundings(discs=man[None]))
+        last = planner.plan(now, last)
+        given += last.outcome is LocalOutcome.GIVE_WAY
+        pose, twist = moved(pose, last.twist, np.array([PERIOD]))[0], last.twist
+        room = min(room, float(np.hypot(*(man[:2] - pose[:2]))) - 0.7)
+        past = max(past, float(pose[0]) - 1.0)
+    assert given and room > 0.1
+    assert past < 0.05
+    assert np.hypot(*(pose[:2] - goal[:2])) < 0.1
+
+
 @given(
     people=st.lists(
         st.tuples(st.floats(-6, 6), st.floats(-6, 6), st.floats(-2, 2), st.floats(-2, 2)), min_size=1, max_size=6

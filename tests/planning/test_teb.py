@@ -192,6 +192,16 @@ def test_a_room_without_a_door_ends_with_a_reason() -> None:
     assert 0.09 * 0.1 * backs[0] == pytest.approx(0.5, abs=0.05)  # out, not a twitch
 
 
+@pytest.mark.parametrize("base", ["differential", "mecanum"])
+def test_who_came_too_near_is_left_at_once(base: str) -> None:
+    """A body of 0.6 m by 0.45 m that stands 5 mm from somebody: away from him, on its way or back."""
+    for side in (-1.0, 1.0):
+        discs = np.array([[side * (0.3 + 0.3 + 0.005), 0.0, 0.3, 0.0, 0.0]])
+        plan = teb(BASES[base]).plan(situation((4.0, 0.0, 0.0), surroundings=Surroundings(discs=discs)))
+        assert plan.outcome is LocalOutcome.DRIVE
+        assert -side * plan.twist[0] > 0.02
+
+
 def test_something_that_appears_within_the_stopping_distance_stops_the_robot() -> None:
     """Controlled: never the last velocity, never more than the base can brake."""
     planner = teb(DIFFERENTIAL)

@@ -14,7 +14,7 @@ from outrider.data.footprint import Footprint
 from outrider.data.surroundings import Surroundings
 from outrider.errors import ConfigError
 from outrider.models.wheels import WheelKinematics
-from outrider.safety.clearance import around, body_of, clash, room
+from outrider.safety.clearance import around, body_of, clash, clash_ahead, room
 from outrider.safety.monitor import AWAY, Action, Monitor, Zone, returns
 from outrider.safety.stage import Inputs, Reason, SafetyStage, Scan, Watchdog
 from outrider.safety.stopping import (
@@ -307,6 +307,25 @@ def test_a_moving_disc_is_met_where_it_will_be() -> None:
     assert not hit.free
     assert hit.time == pytest.approx(2.0 - 0.35, abs=0.06)
     assert clash(z, body_of(BOX), around(Surroundings(discs=discs * [1, 1, 1, 1, 0]), 5.0)).free
+
+
+@pytest.mark.parametrize(
+    ("heads", "free"),
+    [(-1.0, True), (1.0, False), (-0.0001, False)],  # away, on into it, and never far enough
+)
+def test_what_is_too_near_at_the_start_does_not_count_while_the_room_grows(heads: float, free: bool) -> None:
+    x = np.linspace(0.0, heads, 11)
+    z = np.column_stack([x, np.zeros(11), np.zeros(11), np.linspace(0.0, 2.0, 11)])
+    front = float(BOX.outline[:, 0].max())
+    near = np.array([[front + 0.11, 0.0, 0.1, 0.0, 0.0]])  # 1 cm
+    body = body_of(BOX)
+    assert not clash(z, body, around(Surroundings(discs=near), 1.0), 0.02).free
+    assert clash_ahead(z, body, around(Surroundings(discs=near), 1.0), 0.02).free is free
+    far = np.vstack([near, [[float(BOX.outline[:, 0].min()) - 0.5, 0.0, 0.1, 0.0, 0.0]]])  # and one behind it
+    behind = clash_ahead(z, body, around(Surroundings(discs=far), 1.0), 0.02)
+    assert not behind.free
+    if free:
+        assert behind.obstacle == 1 and z[behind.knot, 0] == pytest.approx(-0.4, abs=0.1)
 
 
 @pytest.mark.parametrize(

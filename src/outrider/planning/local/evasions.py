@@ -43,7 +43,7 @@ def motions(pose: Floats, twist: Floats, wanted: Floats, rates: Floats, hold: fl
 def shortages(
     poses: Floats, moving: Floats, step: float, wide: float, growth: float, horizon: float, short: Floats, who: Ints
 ) -> None:
-    """short (k,) <- m of room that motions (k, n, 3) lack at worst, less the later, negative for what is to spare;
+    """short (k,) <- m of room that motions (k, n, 3) lack at worst, less the later (to `horizon`), negative to spare;
     who (k,) <- the disc (m, 5) that comes nearest. wide : m between the middle of the robot and a disc."""
     for i in range(poses.shape[0]):
         short[i], who[i] = -inf, 0
@@ -52,9 +52,10 @@ def shortages(
                 t = step * (j + 1.0)
                 dx = poses[i, j, 0] - moving[k, 0] - t * moving[k, 3]
                 dy = poses[i, j, 1] - moving[k, 1] - t * moving[k, 4]
-                missing = wide + growth * t + moving[k, 2] - hypot(dx, dy)
+                soon = min(t, horizon)
+                missing = wide + growth * soon + moving[k, 2] - hypot(dx, dy)
                 if missing > 0.0:
-                    missing *= 1.0 - 0.5 * t / horizon
+                    missing *= 1.0 - 0.5 * soon / horizon
                 if missing > short[i]:
                     short[i], who[i] = missing, k
 

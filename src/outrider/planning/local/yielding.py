@@ -27,13 +27,15 @@ NEAR: Final = 8.0  # m, who is further away does not matter yet
 @dataclass(frozen=True, slots=True, kw_only=True)
 class YieldSettings:
     """room, growth : m of room wanted to who moves, and how much more of it per second ahead;  back : m more before the
-    planner's command is driven again;  horizon, step : s that are looked ahead, and between looks;  holds : s that a
-    motion may be held;  period : s between answers."""
+    planner's command is driven again;  horizon, step : s that are looked ahead, and between looks;  further : s that
+    are looked ahead by a robot that is about to stand;  holds : s that a motion may be held;  period : s between
+    answers."""
 
     room: float = 0.15
     growth: float = 0.1
     back: float = 0.05
     horizon: float = 3.0
+    further: float = 5.0
     holds: tuple[float, ...] = (0.8, 2.5)
     step: float = 0.15
     period: float = 0.1
@@ -82,17 +84,29 @@ class Yielding:
             return plan
         # the mildest motion that keeps clear, or the one that comes least near
         wanted = np.vstack([self._twists, np.array(SHARES)[:, None] * plan.twist])
-        poses = np.concatenate([self._motions(now, wanted, n, hold) for hold in s.holds])
+        stays = self._stays(plan, now)
+        seen = round(s.further / s.step) if stays else n
+        poses = np.concatenate([self._motions(now, wanted, seen, hold) for hold in s.holds])
         wanted = np.tile(wanted, (len(s.holds), 1))
         short, who = self._shortage(poses, moving)
         taken = _touches(now.surroundings.field, poses, now.pose, self.footprint.inscribed)
-        change = np.hypot(*(wanted[:, :2] - plan.twist[:2]).T) + 0.3 * np.abs(wanted[:, 2] - plan.twist[2])
+        if stays:  # it has to come back
+            change = np.hypot(*(poses[:, -1, :2] - now.goal[:2]).T)
+        else:
+            change = np.hypot(*(wanted[:, :2] - plan.twist[:2]).T) + 0.3 * np.abs(wanted[:, 2] - plan.twist[2])
         best = int(np.argmin(100.0 * taken + 20.0 * np.maximum(short, 0.0) + change))
         speeds = zip(now.twist.tolist(), wanted[best].tolist(), *self._rates.tolist(), strict=True)
         twist = np.array([ramp(v, want, up, down, s.period) for v, want, up, down in speeds])
         disc = moving[who[0]]
         conflict = Conflict(0, now.pose, 0.0, int(np.flatnonzero((discs == disc).all(axis=1))[0]), disc[:2])
         return replace(plan, outcome=LocalOutcome.GIVE_WAY, twist=saturated(twist, self.limits), conflict=conflict)
+
+    def _stays(self, plan: LocalPlan, now: Situation) -> bool:
+        """Whether the robot will stand at its goal while it looks: then who is faster catches up with it."""
+        s = self.settings
+        if now.through or not len(plan.band) or plan.duration >= s.horizon:
+            return False
+        return float(np.hypot(*(plan.band[-1, :2] - now.goal[:2]))) < s.room
 
     def _motions(self, now: Situation, wanted: Floats, n: int, hold: float) -> Floats:
         """(k, n, 3) poses: to each of the twists (k, 3), held until `hold` [s], then to rest."""
