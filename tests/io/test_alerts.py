@@ -120,7 +120,7 @@ def test_a_file_that_grows_is_followed_line_by_line(tmp_path: Path) -> None:
     assert [a.p[0] for a in news.raised] == [5.0] and news.faults[0].startswith(f"{path}:3: ")
     path.write_text('{"at": [7, 8]}\n')  # begun anew
     news = feed.due(START)
-    assert [a.p[0] for a in news.raised] == [7.0] and "read from its beginning" in news.faults[0]
+    assert [a.p[0] for a in news.raised] == [7.0] and "read from its beginning" in news.notes[0]
     path.unlink()
     assert "No such file" in feed.due(START).faults[0]
     path.write_text('{"at": [9, 0]}\n')

@@ -218,3 +218,32 @@ def test_a_mistyped_control_point_is_pointed_at():
         fit(np.ones((3, 2)), places[:3], 300)
     with pytest.raises(DataError, match="1 control points"):
         fit(pixels[:1], places[:1], 300)
+
+
+CORNERS = np.array([[0.0, 0.0], [520.0, 0.0], [520.0, 260.0], [0.0, 260.0]])
+
+
+def on_ground(pixels, rows=260, resolution=0.1):
+    return np.column_stack([pixels[:, 0], rows - pixels[:, 1]]) * resolution
+
+
+def test_a_mistyped_control_point_is_the_one_that_is_named():
+    for k in range(4):
+        places = on_ground(CORNERS)
+        places[k, 0] += 90.0
+        assert fit(CORNERS, places, 260).suspects == [k]
+    assert fit(CORNERS, on_ground(CORNERS) + 0.03 * np.array([[1, -1], [-1, 1], [1, 1], [-1, -1]]), 260).suspects == []
+
+
+def test_a_mirrored_image_and_one_as_large_as_a_country_are_refused():
+    with pytest.raises(DataError, match="mirrored"):
+        fit(CORNERS, CORNERS * 0.1, 260)
+    with pytest.raises(DataError, match="km high"):
+        fit(CORNERS[:2], np.array([[0.0, 0.0], [5e6, 1e6]]), 260)
+
+
+def test_a_hole_outside_its_area_is_named_with_its_place():
+    hole = (np.array([[100.0, 100.0], [101.0, 100.0], [101.0, 101.0]]),)
+    shed = area(K.BUILDING, SQUARE, holes=hole, name="shed")
+    with pytest.raises(DataError, match=r"building 'shed'.*100 100"):
+        draw(Site(shapes=(shed,)), 0.5)

@@ -59,8 +59,9 @@ class Alert:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class News:
     """What a source of alerts has had to say. cancelled : numbers of alerts called off;  faults : a line about each
-    line that could not be used."""
+    line that could not be used;  notes : what else there is to say."""
 
     raised: tuple[Alert, ...] = ()
     cancelled: tuple[int, ...] = ()
     faults: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()

@@ -121,8 +121,9 @@ class AlertFile:
     def due(self, t: int) -> News:
         """Alerts and cancellations that have come by t [ns], and a line about each line of no use."""
         faults: list[str] = []
+        notes: list[str] = []
         try:
-            news = self._news(faults)
+            news = self._news(notes)
         except OSError as e:
             news = b""
             faults.append(f"{self._path}: {e.strerror}")
@@ -144,7 +145,7 @@ class AlertFile:
             note = "" if skipped or not line.strip() else self._take(line, t)
             faults += [f"{self._path}:{self._line}: {note}"] if note else []
         due = self._agenda.due(t)
-        return News(raised=due.raised, cancelled=due.cancelled, faults=tuple(faults))
+        return News(raised=due.raised, cancelled=due.cancelled, faults=tuple(faults), notes=tuple(notes))
 
     def close(self) -> None:
         """Let go of the file; the next `due` opens it again."""
@@ -152,12 +153,12 @@ class AlertFile:
             os.close(self._fd)
         self._fd = -1
 
-    def _news(self, faults: list[str]) -> bytes:
+    def _news(self, notes: list[str]) -> bytes:
         """What was written since."""
         if not self._fifo and self._fd >= 0:
             now = self._path.stat()
             if (now.st_dev, now.st_ino) != self._node or now.st_size < self._at:
-                faults.append(f"{self._path}: became another file, and is read from its beginning")
+                notes.append(f"{self._path}: became another file, and is read from its beginning")
                 self.close()
         if self._fd < 0:
             # a FIFO that is opened without waiting has an end of file until somebody writes to it

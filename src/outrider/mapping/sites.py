@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from outrider.data.grid import LETHAL, UNKNOWN, Grid
 from outrider.data.site import Shape, ShapeKind, Site
-from outrider.errors import ConfigError
+from outrider.errors import ConfigError, DataError
 from outrider.mapping.raster import covered
 from outrider.mapping.zones import Zones
 from outrider.typing import Bools, Floats
@@ -85,7 +85,11 @@ def draw(site: Site, resolution: float, *, margin: float = 2.0, open_ground: boo
 def geometry_of(shape: Shape) -> BaseGeometry:
     """What a shape covers. Lines end flat, and turn round; a disc is drawn from 64 corners around it."""
     if shape.area:
-        return shapely.Polygon(shape.points, [*shape.holes])
+        covered_ground = shapely.Polygon(shape.points, [*shape.holes])
+        if not covered_ground.is_valid:
+            why = shapely.is_valid_reason(covered_ground).replace("[", " at (").replace("]", ") m")
+            raise DataError(f"is no area: {why}", where=shape.title, fix="holes lie inside, apart from one another")
+        return covered_ground
     if len(shape.points) == 1:
         around = shape.width / 2 / np.cos(np.pi / 64)  # no part of the disc is left out
         return shapely.Point(shape.points[0]).buffer(around, quad_segs=16)

@@ -144,7 +144,7 @@ class Station:
     def _take(self, t: int) -> list[str]:
         """Book what has come; what to say about it."""
         news = self.feed.due(t)
-        notes = list(news.faults)
+        notes = [*news.notes, *news.faults]
         self.faults += len(news.faults)
         for alert in news.raised:
             twin = next((e for e in self.book.values() if self._repeats(e, alert)), None)
