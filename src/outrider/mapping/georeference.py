@@ -21,7 +21,7 @@ class Georeference:
 
     resolution : m per pixel;  heading : rad, of the image's rows, counter-clockwise from the site's x axis;
     origin : (2,) m, the outer corner of the lowest leftmost pixel;  residuals : (n,) m, how far each control point is
-    from where the fit puts it;  rmse : m;  without : (n,) m, RMSE of the others fitted alone, if there are at least four.
+    from where the fit puts it;  rmse : m;  without : (n,) m, RMSE of the others fitted alone, from four on.
     """
 
     resolution: float
