@@ -212,18 +212,19 @@ def test_no_gnss_at_all(outrider: Any, small_log: EventLog, tmp_path: Path) -> N
 
 @pytest.mark.compiled
 def test_a_mount_that_gravity_contradicts_is_named(outrider: Any, tmp_path: Path) -> None:
-    """An IMU lying on its side without a mount: an error that says so; with its mount, none."""
+    """An IMU lying on its side without a mount: found; an error where nothing is looked for; with its mount, none."""
     half = float(np.sqrt(0.5))
     log = small_patrol(mount=(half, 0.0, 0.0, half))  # rolled by 90 degrees
     write_recording(replace(log, mounts={}), tmp_path / "log.mcap")
     codes: list[set[str]] = []
     exits: list[int] = []
-    for more in ((), ("--mount", "imu=0,0,0,90,0,0")):
+    for more in ((), ("--set", "diagnose=false"), ("--mount", "imu=0,0,0,90,0,0")):
         done = outrider("fuse", "log.mcap", "--json", "--no-report", "--force", *more)
         exits.append(done.code)
         codes.append({f["code"] for f in json.loads(done.out)["findings"]})
-    assert exits == [1, 0]
-    assert "mount-conflict" in codes[0] and "mount-conflict" not in codes[1]
+    assert exits == [0, 1, 0]
+    assert "mount-found" in codes[0] and "mount-conflict" not in codes[0]
+    assert "mount-conflict" in codes[1] and not {"mount-found", "mount-conflict"} & codes[2]
 
 
 @pytest.mark.compiled

@@ -15,6 +15,7 @@ from outrider.workflows.discover import find_datum, scaled, screened
 from outrider.workflows.doctor.lags import Lag, correlation, lag_between
 from outrider.workflows.doctor.mounting import Turned, angle_between, mount_of
 from outrider.workflows.doctor.signals import (
+    ABSURD,
     GRAVITY,
     Path,
     Signal,
@@ -158,7 +159,8 @@ def upright(p: Patient, s: Stream) -> Signal | None:
     up = mean_force(s)
     if up is None or np.linalg.norm(up) < 0.5 * GRAVITY:
         return None
-    return signal(s.name, seconds(p.log, s), s.z[:, :3] @ (up / np.linalg.norm(up)))
+    rates = np.where(np.abs(s.z[:, :3]) < ABSURD, s.z[:, :3], np.nan)
+    return signal(s.name, seconds(p.log, s), np.sum(rates * up / np.linalg.norm(up), axis=1))
 
 
 def wheels_turn(p: Patient) -> Signal | None:

@@ -49,11 +49,13 @@ def lag_between(a: Signal, b: Signal, window: float = 0.0, most: float = MOST) -
         return None
     sign = np.sign(likeness[best])
     away = np.abs(lags - lags[best]) > max(2.0 * window, 0.5)
-    if away.any() and np.nanmax(sign * likeness[away]) > sign * likeness[best] - CLEAR:
+    if np.any(sign * likeness[away] > sign * likeness[best] - CLEAR):
         return None
     near = lags[best] + np.arange(-STEPS[0], STEPS[0] + 0.5 * STEPS[1], STEPS[1])
     likeness = sign * np.array([correlation(mine, b.mean(at + lag, window)) for lag in near])
-    best = int(np.clip(np.nanargmax(likeness), 1, len(near) - 2))
+    if not np.isfinite(likeness).all():
+        return None
+    best = int(np.clip(np.argmax(likeness), 1, len(near) - 2))
     low, mid, high = likeness[best - 1 : best + 2]
     bend = low - 2.0 * mid + high
     lag = near[best] + (0.5 * (low - high) / bend * STEPS[1] if bend < 0.0 else 0.0)

@@ -70,13 +70,13 @@ def mount_of(f: tuple[Signal, Signal, Signal], up: Floats, speed: Signal | None,
     sd = np.inf
     if speed is not None:
         at = instants(speed, f[0], STEP)
-        a = np.column_stack([axis.mean(at, WINDOW) for axis in f]) @ level.T
+        a = np.column_stack([axis.mean(at, WINDOW) for axis in f])
         w = turn.mean(at, WINDOW) if turn is not None else np.zeros(len(at))
         expected = speed.slope(at, WINDOW) + 1j * speed.mean(at, WINDOW) * w
-        h = a[:, 0] + 1j * a[:, 1]
-        good = np.isfinite(expected) & np.isfinite(h)
+        good = np.isfinite(expected) & np.isfinite(a).all(axis=1)
         if good.sum() >= FEW:
-            psi, sd = direction(expected[good], h[good])
+            a = a[good] @ level.T
+            psi, sd = direction(expected[good], a[:, 0] + 1j * a[:, 1])
             if sd < SURE:
                 c, s = np.cos(psi), np.sin(psi)
                 level = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) @ level
