@@ -13,7 +13,9 @@ from outrider.sim.logs import drone_log, wheeled_log
 from outrider.typing import Floats
 from outrider.workflows.config import FuseConfig
 from outrider.workflows.doctor import examine, prescribed
+from outrider.workflows.doctor.lags import lag_between
 from outrider.workflows.doctor.mounting import angle_between, right_angled
+from outrider.workflows.doctor.signals import Signal, signal
 from outrider.workflows.doctor.visit import visit
 from recorded import FIXES, HUSKY, recording
 
@@ -139,3 +141,53 @@ def test_the_husky_needs_nothing_typed_in(recordings: Path) -> None:
     unused = seen.run.innovations[FIXES]
     held = unused.verdict == Verdict.WITHHELD
     assert np.sqrt(np.mean(np.sum(unused.y[held] ** 2, axis=1))) < 1.26  # with the mount typed in: 1.25
+
+
+def test_two_that_contradict_each_other_alike_are_named_and_neither_is_believed() -> None:
+    log = clean(1)
+    imu, wheels = names(log)
+    blind = replace(log, streams={n: s for n, s in log.streams.items() if n in (imu, wheels)})
+    found = examine(times(blind, imu, ROTATION, -1.0), FuseConfig())
+    assert [(f.code, f.severity) for f in found.findings] == [("turn-sense", "error")]
+    assert found.prescribed == {}
+
+
+def test_a_mount_that_is_told_with_a_wrong_yaw_is_an_error_and_stays() -> None:
+    log = clean(1)
+    imu, _ = names(log)
+    told = FuseConfig.model_validate({"sources": {imu: {"mount": {"rpy_deg": [0, 0, 90]}}}})
+    cfg, found = prescribed(log, told)
+    assert [(f.code, f.severity) for f in found] == [("mount-conflict", "error")]
+    assert "90 deg off" in found[0].text and cfg == told
+
+
+def wiggle(seed: int, lag: float, noise: float) -> tuple[Signal, Signal]:
+    """One slow random motion as two sources tell it, the second `lag` s late, both with white noise."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(0.0, 200.0, 0.05)
+    waves = [(rng.uniform(0.05, 0.6), rng.uniform(0.0, 6.3), rng.normal()) for _ in range(12)]
+    both = [sum(a * np.sin(6.283 * f * (t - late) + p) for f, p, a in waves) for late in (0.0, lag)]
+    a, b = (signal(n, t, y + noise * rng.standard_normal(len(t))) for n, y in zip("ab", both, strict=True))
+    assert a is not None and b is not None
+    return a, b
+
+
+def test_a_lag_is_as_good_as_it_says() -> None:
+    found = [(lag, lag_between(*wiggle(k, lag, 2.0))) for k, lag in enumerate(np.linspace(-0.9, 0.9, 60))]
+    score = np.array([(f.lag - lag) / f.sd for lag, f in found if f is not None])
+    assert len(score) == 60
+    assert 0.5 < np.mean(score**2) < 2.0  # chi-square of 60 lies in 0.67 to 1.39 in 95 %; the sd is a first-order one
+
+
+def test_what_repeats_itself_tells_no_lag() -> None:
+    t = np.arange(0.0, 200.0, 0.05)
+    a, b = signal("a", t, np.sin(6.283 * t)), signal("b", t, np.sin(6.283 * (t - 0.2)))
+    assert a is not None and b is not None and lag_between(a, b) is None
+
+
+def test_a_mean_is_exact_over_any_window_and_nothing_across_a_gap() -> None:
+    t = np.concatenate([np.arange(0.0, 10.0, 0.1), np.arange(20.0, 30.0, 0.1)])
+    line = signal("s", t, 3.0 + 2.0 * t)
+    assert line is not None
+    assert line.mean(np.array([5.0, 25.03]), 1.7) == pytest.approx([13.0, 53.06], abs=1e-9)
+    assert np.isnan(line.mean(np.array([9.5, 15.0, 20.2, 29.9]), 1.7)).all()

@@ -91,4 +91,4 @@ def _show(seen: "Visit", output: Path | None, *, quiet: bool) -> None:
         out.print(Text(f"configuration written to {output}: outrider fuse {seen.log.path} -c {output}"))
     elif seen.config.model_fields_set:
         out.print(Text("`outrider fuse` uses what was found; -o FILE writes it as a configuration:"))
-        out.print(Text(seen.yaml.rstrip(), "dim"))
+        out.print(Text("\n".join(x for x in seen.yaml.splitlines() if not x.startswith("#")), "dim"))

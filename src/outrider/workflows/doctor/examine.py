@@ -43,7 +43,7 @@ COURSE_WINDOW: Final = 2.0  # s over which a course says how fast it turns
 @final
 @dataclass(slots=True)
 class Patient:
-    """What is known of a log while it is examined: `cfg` grows by what is prescribed, `log` is as corrected so far."""
+    """A log while it is examined, corrected by what is prescribed so far. given : what the configuration says."""
 
     log: EventLog
     given: FuseConfig
@@ -92,12 +92,13 @@ def examine(log: EventLog, cfg: FuseConfig) -> Examination:
     verdicts = screened(log)
     log = replace(log, streams={s.name: scaled(s, cfg) for s in log})
     p = Patient(log, cfg, verdicts, find_datum(log, cfg, verdicts))
-    for imu in [s.name for s in p.usable(Kind.IMU)]:
-        units(p, p.log.streams[imu])
+    for imu in list(p.usable(Kind.IMU)):
+        units(p, imu)
     wheel_units(p)
-    for imu in [s.name for s in p.usable(Kind.IMU)]:
-        senses(p, p.log.streams[imu])
-        mounts(p, p.log.streams[imu])
+    for imu in list(p.usable(Kind.IMU)):
+        senses(p, imu)
+    for imu in list(p.usable(Kind.IMU)):  # with their senses mended
+        mounts(p, imu)
     clocks(p)
     return Examination(tuple(p.findings), p.prescribed)
 
@@ -212,12 +213,9 @@ def mounts(p: Patient, s: Stream) -> None:
     rolling = next((v for w in p.usable(Kind.TWIST, Kind.ACKERMANN) if (v := speed(p.log, w)) is not None), None)
     found = mount_of(axes, up, rolling, upright(p, s))  # type: ignore[arg-type]
     told = told_mount(p, s)
-    off = tilt_of(found.R, told if told is not None else np.eye(3)) if not found.whole else angle_between(
-        found.R, told if told is not None else np.eye(3)
-    )  # fmt: skip
-    if off < MISMOUNTED:
-        return
-    say_mount(p, s, found, told, off)
+    off = (angle_between if found.whole else tilt_of)(found.R, told if told is not None else np.eye(3))
+    if off > MISMOUNTED:
+        say_mount(p, s, found, told, off)
 
 
 def tilt_of(A: Floats, B: Floats) -> float:
@@ -238,17 +236,21 @@ def say_mount(p: Patient, s: Stream, found: Turned, told: Floats | None, off: fl
     """Name a wrong mount; give the right one unless somebody told another."""
     rpy = [round(float(a), 1) + 0.0 for a in np.degrees(quats_to_rpy(matrices_to_quats(found.R)).ravel())]
     where = {"mounts": {s.frame: {"rpy_deg": rpy}}} if s.frame else {"sources": {s.name: {"mount": {"rpy_deg": rpy}}}}
-    line = f"mounts: {{{s.frame}: {{rpy_deg: {rpy}}}}}" if s.frame else f"sources: {{{s.name}: {{mount: {rpy}}}}}"
-    how = "gravity and the wheels" if found.whole else "gravity"
+    line = (
+        f"mounts: {{{s.frame}: {{rpy_deg: {rpy}}}}}"
+        if s.frame
+        else f"sources: {{{s.name}: {{mount: {{rpy_deg: {rpy}}}}}}}"
+    )
+    how = "gravity and the wheels ask for" if found.whole else "gravity asks for"
     rest = "" if found.whole else "; its yaw cannot be told from this log"
     if told is not None:
         if tilt_of(found.R, told) > np.radians(TILT):
             return  # the findings of a run name what gravity contradicts
-        text = f"the mount told for {s.frame or s.name} is {np.degrees(off):.0f} deg off what {how} ask for"
+        text = f"the mount told for {s.frame or s.name} is {np.degrees(off):.0f} deg off what {how}"
         p.note(error("mount-conflict", text, s.name, line))
         return
     p.prescribed = merged(p.prescribed, where)
-    text = f"{s.frame or s.name} is turned on the body by roll, pitch, yaw {rpy} deg, as {how} ask for{rest}"
+    text = f"{s.frame or s.name} is turned on the body by roll, pitch, yaw {rpy} deg, as {how}{rest}"
     p.note(warning("mount-found", text, s.name, line))
 
 

@@ -14,6 +14,8 @@ LIKE: Final = 0.6  # correlation below which two signals do not tell the same mo
 CLEAR: Final = 0.02  # by which the best lag must correlate better than any that lies a window off
 FEW: Final = 100  # instants compared, at least
 LEAST_WINDOW: Final = 0.2  # s
+BETWEEN: Final = 0.1  # of a period: what interpolation between noisy samples adds to the deviation of a lag
+OVERLAP: Final = 4  # windows by which slopes of neighbours share samples
 
 
 @final
@@ -30,19 +32,19 @@ class Lag:
     r: float
 
 
-def lag_between(a: Signal, b: Signal, window: float = 0.0, most: float = MOST) -> Lag | None:
+def lag_between(a: Signal, b: Signal) -> Lag | None:
     """The lag of b behind a at which they are most alike; None where they are not, or alike at several lags.
 
     b(t + lag) is what a(t) was. Both are averaged over one window; the correlation's peak is found by search, then by
     a parabola; its deviation is that of the time shift in a least-squares fit, with as many independent residuals as
     there are windows.
     """
-    window = max(window, 2.0 * a.period, 2.0 * b.period, a.blur, b.blur, LEAST_WINDOW)
+    window = max(2.0 * a.period, 2.0 * b.period, LEAST_WINDOW)
     at = instants(a, b, 0.5 * window)
     if len(at) < FEW:
         return None
     mine = a.mean(at, window)
-    lags = np.arange(-most, most + 0.5 * STEPS[0], STEPS[0])
+    lags = np.arange(-MOST, MOST + 0.5 * STEPS[0], STEPS[0])
     likeness = np.array([correlation(mine, b.mean(at + lag, window)) for lag in lags])
     best = int(np.nanargmax(np.abs(likeness))) if np.isfinite(likeness).any() else 0
     if not abs(likeness[best]) > LIKE or best in (0, len(lags) - 1):
@@ -73,14 +75,21 @@ def correlation(x: Floats, y: Floats) -> float:
 
 
 def fitted(a: Signal, b: Signal, at: Floats, window: float, lag: float) -> Lag:
-    """The gain at a lag, and how sure the lag is."""
+    """The gain at a lag, and how sure the lag is.
+
+    The lag is where the score sum x y' is zero, y' the slope of y. With x = gain y + left the score is sum left y', for
+    sum y y' is nothing but ends; its own slope is -sum x' y'. So the lag's variance is that of sum left y' over the
+    square of sum x' y', whose noises are independent; neighbouring windows overlap, so their products count too.
+    """
     x, y = a.mean(at, window), b.mean(at + lag, window)
-    rate = (b.mean(at + lag + 0.25 * window, window) - b.mean(at + lag - 0.25 * window, window)) / (0.5 * window)
-    good = np.isfinite(x) & np.isfinite(y) & np.isfinite(rate)
-    x, y, rate = x[good] - x[good].mean(), y[good] - y[good].mean(), rate[good]
+    slopes = a.slope(at, 2.0 * window), b.slope(at + lag, 2.0 * window)
+    good = np.isfinite(x) & np.isfinite(y) & np.isfinite(slopes[0]) & np.isfinite(slopes[1])
+    x, y = x[good] - x[good].mean(), y[good] - y[good].mean()
+    dx, dy = slopes[0][good], slopes[1][good]
     gain = float(x @ y) / float(y @ y)
-    left = x - gain * y
-    told = gain**2 * float(rate @ rate)
-    shared = 1.0 + 2.0 * max(correlation(left[1:] * rate[1:], left[:-1] * rate[:-1]), 0.0)  # neighbours overlap
-    sd = float(np.sqrt(shared * np.mean(left**2) / told)) if told > 0.0 else float("inf")
+    score = (x - gain * y) * dy
+    spread = float(score @ score) + 2.0 * sum(max(float(score[k:] @ score[:-k]), 0.0) for k in range(1, OVERLAP + 1))
+    told = abs(float(dx @ dy))
+    between = BETWEEN * max(a.period, b.period)
+    sd = float(np.hypot(np.sqrt(spread) / told, between)) if told > 0.0 else float("inf")
     return Lag(a.source, b.source, lag, sd, gain, float(x @ y) / float(np.sqrt((x @ x) * (y @ y))))

@@ -23,13 +23,11 @@ PIECE: Final = 3.0  # usual periods: a longer gap is not bridged
 @final
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """One quantity of one source. t : (n,) s, increasing, since the log's first event;  y : (n,);  source : whose;
-    blur : s over which each value is a mean already."""
+    """One quantity of one source. t : (n,) s, increasing, since the log's first event;  y : (n,);  source : whose."""
 
     source: str
     t: Floats
     y: Floats
-    blur: float = 0.0
 
     @property
     def period(self) -> float:
@@ -38,7 +36,7 @@ class Signal:
 
     def mean(self, at: Floats, window: float) -> Floats:
         """(m,) means over windows [s] centred at times [s]; NaN where a gap, or the signal's end, cuts one."""
-        window = max(window - self.blur, self.period)
+        window = max(window, self.period)
         steps = np.diff(self.t)
         whole = np.concatenate([[0.0], np.cumsum(0.5 * (self.y[1:] + self.y[:-1]) * steps)])
         a, b = at - 0.5 * window, at + 0.5 * window
@@ -64,11 +62,11 @@ def instants(a: Signal, b: Signal, step: float) -> Floats:
     return np.asarray(own[:: len(own) // MANY + 1], np.float64)
 
 
-def signal(source: str, t: Floats, y: Floats, blur: float = 0.0) -> Signal | None:
+def signal(source: str, t: Floats, y: Floats) -> Signal | None:
     """A signal in order of time without what is not finite or absurd, None if hardly anything is left."""
     good = np.isfinite(t) & (np.abs(y) < ABSURD)
     t, first = np.unique(t[good], return_index=True)
-    return Signal(source, t, y[good][first], blur) if len(t) > 10 else None
+    return Signal(source, t, y[good][first]) if len(t) > 10 else None
 
 
 def seconds(log: EventLog, s: Stream) -> Floats:
@@ -109,7 +107,7 @@ class Path:
         far = np.hypot(*np.diff(self.p[:, :2], axis=0).T)
         usual = steps < PIECE * float(np.median(steps))
         y = np.where(usual, far / steps, np.nan)
-        return signal(self.source, 0.5 * (self.t[1:] + self.t[:-1]), y, float(np.median(steps)))
+        return signal(self.source, 0.5 * (self.t[1:] + self.t[:-1]), y)
 
     def turn_rate(self) -> Signal | None:
         """Rate [rad/s] at which the course turns, where it moves."""
@@ -119,7 +117,7 @@ class Path:
         middle = 0.5 * (self.t[1:] + self.t[:-1])
         both = moving[1:] & moving[:-1]
         y = np.where(both, np.angle(np.exp(1j * np.diff(course))) / np.diff(middle), np.nan)
-        return signal(self.source, self.t[1:-1], y, 2.0 * float(np.median(steps)))
+        return signal(self.source, self.t[1:-1], y)
 
 
 def path(log: EventLog, s: Stream, good: Bools, datum: Datum | None) -> Path | None:
