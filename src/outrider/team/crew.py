@@ -15,7 +15,7 @@ from outrider.data import Datum, Kind, Stream, Verdict
 from outrider.errors import ConfigError
 from outrider.filters.channels import site_position
 from outrider.filters.cooperative import FALSE_ALARM, Member, Method, Source
-from outrider.filters.cooperative.fusion import _meet as meet_pair
+from outrider.filters.cooperative.fusion import fuse_pair
 from outrider.filters.cooperative.group import look
 from outrider.filters.cooperative.robot import Filter, Records, gates
 from outrider.filters.state import ROWS
@@ -134,7 +134,7 @@ class Crew:
             i, j = self.names.index(name), self.names.index(e.partner)
             for n in (i, j):
                 self._filters[n].run(t)
-            out = meet_pair(self.method, self._filters, i, j, int(e.sensor.code), e.sensor.theta(), z, r)
+            out = fuse_pair(self.method, self._filters, i, j, int(e.sensor.code), e.sensor.theta(), z, r)
             self._out.setdefault((name, k), []).append((float(out.verdict), out.nis, out.dof))
         for f in self._filters:
             f.run(until)

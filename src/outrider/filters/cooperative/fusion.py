@@ -252,15 +252,15 @@ def _apart(ready: Prepared, method: Method) -> tuple[Sequence[Filter], Floats]:
             meet(mates[i], mates[j], [seen])
             out[e] = mates[i].outcomes[seen.key]
         else:
-            out[e] = _meet(method, filters, i, j, seen.code, seen.theta, seen.z, seen.r)
+            out[e] = fuse_pair(method, filters, i, j, seen.code, seen.theta, seen.z, seen.r)
     ready.finish(out)
     return filters, out
 
 
-def _meet(
+def fuse_pair(
     method: Method, filters: Sequence[Filter], i: int, j: int, code: int, theta: Floats, z: Floats, r: Floats
 ) -> Outcome:
-    """Robot i has seen robot j."""
+    """Robot i has seen robot j, and they correct one another as the method says; both filters are at its time."""
     if method is Method.FACTORED or (method is Method.DISTRIBUTED and _among_themselves(filters, i, j)):
         return factored(filters[i], filters[j], i, j, code, theta, z, r)
     s = sight(filters[i], filters[j], code, theta, z, r)
