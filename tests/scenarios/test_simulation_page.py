@@ -59,3 +59,12 @@ def _written(tmp_path: Path) -> Path:
     path = tmp_path / "yard.yaml"
     path.write_text(YARD)
     return path
+
+
+def test_the_picture_holds_rounds_and_the_alerts_that_somebody_had_a_way_to(tmp_path: Path) -> None:
+    run = build(parse_scenario(read_yaml(_written(tmp_path)))).run()
+    alert = {"alert": 1, "north_m": 3.0, "sigma_m": 1.0, "state": "observed", "text": "it was observed", "way_m": 9.0}
+    far, lost = {**alert, "east_m": 70.0}, {**alert, "east_m": 9e5, "way_m": None}
+    told = {"passages": [], "zones": [], "alerts": [far, lost], "robots": {"rover": {"stops": [[0, 0], [-40, 0]]}}}
+    wide = float(re.search(r'viewBox="0 0 ([\d.]+)', stage(run, mission=told)[0])[1])  # type: ignore[index]
+    assert 110.0 < wide < 200.0

@@ -88,12 +88,13 @@ def _curves(run: Simulation) -> dict[str, list[Curve]]:
     near = {name: run.monitor.clearance(truth) for name, truth in run.truth.items()}
     pairs = sorted(run.monitor.separations)
     apart = {pair: run.monitor.separation(run.truth[pair[0]], run.truth[pair[1]]) for pair in pairs}
+    close = [pair for pair in pairs if np.min(apart[pair][1]) < FAR]
     later = COLOURS[len(run.truth) :] or COLOURS
     rises = any(np.ptp(truth.p[:, 2]) > 0.5 for truth in run.truth.values())
     errors = {s.robot: _error(run, s.robot, s.t, s.z) for s in run.log if s.name.split("/")[-1] == "estimate"}
     return {
         "clearance [m]": [(n, hue[n], t, np.minimum(g, 1e3)) for n, (t, g) in near.items() if np.isfinite(g).any()],
-        "separation [m]": [(" – ".join(pair), later[k % len(later)], *apart[pair]) for k, pair in enumerate(pairs)],
+        "separation [m]": [(" – ".join(pair), later[k % len(later)], *apart[pair]) for k, pair in enumerate(close)],
         "height [m]": [(n, hue[n], truth.t, truth.p[:, 2]) for n, truth in run.truth.items() if rises],
         "error of own\nestimate [m]": [(n, hue[n], *error) for n, error in errors.items()],
     }

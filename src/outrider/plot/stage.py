@@ -55,7 +55,7 @@ def stage(
     goals : east, north [m] of where each robot was sent;  mission : of a patrol, as in the summary
     """
     sent = {name: np.array(places).reshape(-1, 2) for name, places in (goals or {}).items()}
-    window = _window(run, sent)
+    window = _window(run, [*sent.values(), *_places(mission)])
     wide, high = window.size
     unit = max(wide, high) / 100.0  # a hundredth of the picture: sizes of text and strokes
     frames = _moments(run)
@@ -109,10 +109,18 @@ def _cover(world: World, x: Floats, y: Floats) -> Floats:
     return np.clip(best, -999.0, 999.0).reshape(y.size, x.size)
 
 
-def _window(run: Simulation, goals: Mapping[str, Floats]) -> Window:
-    """Around all that moves and all goals, and around what stands close to it."""
+def _places(mission: Mapping[str, Any] | None) -> list[Floats]:
+    """(n, 2) m: the stops of each round, and the alerts that somebody had a way to."""
+    if not mission:
+        return []
+    alerts = [[a["east_m"], a["north_m"]] for a in mission["alerts"] if a["way_m"] is not None]
+    return [np.array(r["stops"])[:, :2] for r in mission["robots"].values()] + [np.array(alerts).reshape(-1, 2)]
+
+
+def _window(run: Simulation, places: Sequence[Floats]) -> Window:
+    """Around all that moves, around all places where somebody is sent, and around what stands close to it."""
     tracks = [truth.p[:, :2] for truth in run.truth.values()] + [m.p[:, :2] for m in run.monitor.world.movers]
-    tracks += [places for places in goals.values() if len(places)]
+    tracks += [p for p in places if len(p)]
     low, high = np.min([p.min(axis=0) for p in tracks], axis=0), np.max([p.max(axis=0) for p in tracks], axis=0)
     around = np.maximum(MARGIN, 0.12 * (high - low))
     low, high = low - around, high + around
