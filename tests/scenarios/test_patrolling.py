@@ -87,6 +87,9 @@ def test_names_of_the_drawing_become_places_and_its_narrow_ways_passages(tmp_pat
     [
         ("stops: [west,", "stops: [wset,", "team.r1.mission: stops: there is no node 'wset' (did you mean 'west'?)"),
         ("[15, 1]]", "[15]]", "[15.0] is no place"),
+        ("[15, 1]]", "[6, 5]]", "team.r1.mission: stop 2: at (6, 5) the ground is taken (a place where it can stand)"),
+        ("[15, 1]]", "[2500, 1]]", "stop 2: at (2500, 1) nothing is drawn"),
+        ("start: {x: 3}", "start: {x: 500, y: 500}", "start: at (500, 500) nothing is drawn"),
         ("dock: bay", "dock: bya", "dock: there is no dock 'bya' (did you mean 'bay'?)"),
         ("file: alerts.jsonl", "file: alert.jsonl", "no alerts can be read: No such file or directory (make it first"),
         ("file: alerts.jsonl", "far: 1", "near 2 m, far 1 m"),

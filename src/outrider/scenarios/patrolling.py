@@ -12,7 +12,7 @@ import shapely
 from pydantic import Field
 
 from outrider.data.footprint import Footprint
-from outrider.data.grid import Costmap, Grid
+from outrider.data.grid import INSCRIBED, LETHAL, UNKNOWN, Costmap, Grid
 from outrider.data.routes import RouteGraph
 from outrider.data.site import Anchor, Site
 from outrider.errors import ConfigError
@@ -182,6 +182,7 @@ def patrol(section: PatrolMission, member: Member, setting: Setting) -> Patrol:
     """The agent of a robot. ConfigError: a stop or a dock that is not there, a robot that cannot drive by itself."""
     stops = _stops(section, setting.drawing)
     dock = _dock(section.dock, setting.drawing, member.put)
+    _check_places(section, member, setting, stops, dock)
     body = ground_robot(
         section.drive, member.vehicle, member.carried, member.put, setting.world, robot=member.name,
         period_s=section.period_s, goals=np.vstack([stops, dock]), hull=member.hull,
@@ -255,6 +256,21 @@ def narrow_ways(graph: RouteGraph, width: float) -> tuple[Floats, ...]:
             made.append(line.buffer(0.5 * wide, cap_style="flat"))
     parts = shapely.get_parts(shapely.union_all(made)).tolist() if made else []
     return tuple(np.asarray(p.exterior.coords)[:-1, :2].copy() for p in parts)
+
+
+def _check_places(section: PatrolMission, member: Member, setting: Setting, stops: Floats, dock: Floats) -> None:
+    """Refuse what the map alone rules out: a stop, a dock or a start where a robot cannot stand."""
+    if setting.world.grid is None:
+        return
+    costmap = _costmap(setting, section.drive, setting.world.grid)
+    places = [(f"stop {k + 1}", p) for k, p in enumerate(stops)] + [("dock", dock), ("start", np.array(member.put))]
+    for what, p in places:
+        row, col = costmap.cell_of(p[:2]).tolist()
+        inside = 0 <= row < costmap.cells.shape[0] and 0 <= col < costmap.cells.shape[1]
+        cost = int(costmap.cells[row, col]) if inside else UNKNOWN
+        if cost >= INSCRIBED:
+            why = {UNKNOWN: "nothing is drawn", LETHAL: "the ground is taken"}.get(cost, "there is no room for it")
+            raise ConfigError(f"at ({p[0]:g}, {p[1]:g}) {why}", where=what, fix="a place where it can stand")
 
 
 def _stops(section: PatrolMission, drawing: Site | None) -> Floats:
