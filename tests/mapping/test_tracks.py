@@ -202,3 +202,27 @@ def test_scans_without_a_word_and_with_things_around_the_back() -> None:
 def test_settings_that_cannot_follow_anything(wrong: dict[str, float]) -> None:
     with pytest.raises(ConfigError, match="tracking"):
         Tracking(**wrong)
+
+
+def test_who_is_hidden_while_moving_is_remembered_and_who_left_is_not() -> None:
+    """Somebody walks at 1 m/s behind a wall for two seconds: his disc goes on. He who is in plain sight no more is
+    forgotten after a second."""
+    poses = straight(60)
+    wall = np.array([[2.0, -0.5, 2.0, 0.5]])
+
+    def walks(t: float) -> Floats:
+        return np.array([[4.0, -2.5 + t, 0.3]])
+
+    _, _, found = followed(poses, walks, wall)
+    hidden = [k for k in range(60) if abs(-2.5 + PERIOD * k) < 0.6]
+    assert len(hidden) > 10
+    for k in hidden:
+        assert len(found[k]) == 1
+        assert np.hypot(*(found[k][0, :2] - [4.0, -2.5 + PERIOD * k])) < found[k][0, 2] + 0.3  # it touches him
+
+    def vanishes(t: float) -> Floats:
+        return walks(t) if t < 1.5 else np.array([[9.0, 9.0, 0.3]])
+
+    _, _, gone = followed(straight(30), vanishes, np.empty((0, 4)))
+    assert len(gone[14]) == 1
+    assert len(gone[-1]) == 0

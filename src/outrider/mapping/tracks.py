@@ -35,7 +35,8 @@ class Tracking:
     what is wider never moves;  sigma : m, of a cluster's place;  acceleration : m/s^2, white, of what is followed;
     gate : squared distance, in standard deviations, within which a cluster may be the one of a track;  starts, stops :
     m/s above which something moves and below which it stands again, both for `scans` in a row;  sure : standard
-    deviations that the velocity is from rest;  forget : s without a return;  margin : m around what moves.
+    deviations that the velocity is from rest;  forget : s without a return where it should be in sight, and
+    `remember` : s while something nearer hides what moves;  margin : m around what moves.
     """
 
     gap: float = 0.25
@@ -49,12 +50,15 @@ class Tracking:
     scans: int = 2
     sure: float = 2.5
     forget: float = 1.0
+    remember: float = 3.0
     margin: float = 0.1
 
     def __post_init__(self) -> None:
         numbers = (self.gap, self.reach, self.widest, self.sigma, self.acceleration, self.gate, self.sure, self.forget)
-        if not all(0.0 < x < np.inf for x in numbers) or not 0.0 < self.stops <= self.starts or self.scans < 1:
-            raise ConfigError("impossible numbers", where="tracking", fix="all positive, `stops` no more than `starts`")
+        ordered = 0.0 < self.stops <= self.starts and self.forget <= self.remember < np.inf
+        if not all(0.0 < x < np.inf for x in numbers) or not ordered or self.scans < 1:
+            fix = "all positive, `stops` no more than `starts`, `forget` no more than `remember`"
+            raise ConfigError("impossible numbers", where="tracking", fix=fix)
 
 
 class Rules(NamedTuple):
@@ -91,7 +95,7 @@ class Tracker:
         self._predict(t_s)
         track = associated(self._all, z, s.gate)
         self._correct(t_s, track, z, passed)
-        self._all = np.concatenate([self._all[t_s - self._all[:, SEEN] <= s.forget], fresh(t_s, z[track < 0])])
+        self._all = np.concatenate([self._all[self._known(t_s, scan)], fresh(t_s, z[track < 0])])
         return self._without_moving(scan)
 
     def discs(self, t_s: float) -> Floats:
@@ -118,6 +122,13 @@ class Tracker:
         correct(self._all, track, z, t_s, self._settings.gap, places)
         open_ = passed(places.reshape(-1, 2)).reshape(-1, len(ABOUT)).all(axis=1)
         judge(self._all, track, open_.view(np.uint8), self._rules)
+
+    def _known(self, t_s: float, scan: Scan) -> Bools:
+        """(n,) which are not forgotten: seen a moment ago, or on the move and hidden."""
+        s, out = self._settings, np.empty(len(self._all), np.uint8)
+        x, y, heading = scan.pose.tolist()
+        remembered(x, y, heading, scan.bearings, scan.ranges, scan.blind, self._all, t_s, s.forget, s.remember, out)
+        return out.view(np.bool_)
 
     def _without_moving(self, scan: Scan) -> Scan:
         """The scan, with no word from beams that end at something that moves."""
@@ -293,6 +304,29 @@ def judge(tracks: Floats, track: Ints, open_: Any, s: Rules) -> None:
         a[STREAK] = a[STREAK] + 1.0 if against else 0.0
         if a[STREAK] >= s.scans:
             a[MOVING], a[STREAK] = 1.0 - a[MOVING], 0.0
+
+
+@kernel
+def remembered(
+    x: float, y: float, heading: float, bearings: Floats, ranges: Floats, blind: float, tracks: Floats, t: float,
+    forget: float, remember: float, out: Any,
+) -> None:  # fmt: skip
+    """out (n,) <- whether each was seen within `forget`, or moves, was seen within `remember`, and every beam towards
+    it ends before it comes there."""
+    for k in range(tracks.shape[0]):
+        a = tracks[k]
+        out[k] = t - a[SEEN] <= forget
+        if out[k] or a[MOVING] == 0.0 or t - a[SEEN] > remember:
+            continue
+        dx, dy = a[X] - x, a[Y] - y
+        away = hypot(dx, dy)
+        cover, through = 0, 0
+        for i in range(ranges.size):
+            c, s = cos(heading + bearings[i]), sin(heading + bearings[i])
+            if c * dx + s * dy > 0.0 and abs(c * dy - s * dx) < a[RADIUS]:
+                cover += blind <= ranges[i] < away - a[RADIUS]
+                through += ranges[i] >= away - a[RADIUS]
+        out[k] = cover > 0 and through == 0
 
 
 @kernel
