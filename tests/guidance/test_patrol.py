@@ -74,6 +74,9 @@ def test_a_round_skips_what_it_cannot_reach_and_stands_when_that_is_all() -> Non
     for stop, duty in ((1, Duty.PATROL), (2, Duty.PATROL), (0, Duty.STAND)):
         m, _ = advance(m, Inputs(t_s=0.0, unreachable=True, stops=3))
         assert (m.stop, m.duty) == (stop, duty)
+    for stop in (1, 2, 0, 1):  # it tries them in turn, and says so once
+        m, _ = advance(m, Inputs(t_s=0.5, unreachable=True, stops=3))
+        assert (m.stop, m.duty) == (stop, Duty.STAND)
     m, _ = advance(m, Inputs(t_s=1.0, arrived=True, stops=3))
     assert m.duty is Duty.PATROL
 

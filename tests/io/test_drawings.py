@@ -111,6 +111,7 @@ def test_a_site_is_written_as_it_was_read(tmp_path):
         ("[a, b, c], width", "[a, d, c], width", "yard.yaml:17: routes.ways.0: there is no node 'd'"),
         ("[a, b, c], width", "[a, a, c], width", "leads from a node to itself"),
         ("gates:", "gate:", "yard.yaml:8: gate: unknown key (did you mean 'gates'?)"),
+        ("docks:\n", "docks:\n  - {name: charger, at: [1, 0]}\n", "docks.1: is a second dock 'charger'"),
         ("lat_deg: 52.514", "lat_deg: 152.5", "yard.yaml:2: anchor.lat_deg: should be 90 or less"),
     ],
 )
@@ -215,6 +216,11 @@ SWAPPED = [c[::-1] for c in lon_lat((0, 0), (40, 0))]
         ([feature("LineString", [["a", 1], [2, 3]], kind="road", width=3)], "make no sense"),
         ([feature("LineString", [[None, 1], [2, 3]], kind="road", width=3)], "make no sense"),
         ([feature("LineString", [[float("nan"), 1], [2, 3]], kind="road", width=3)], "not finite"),
+        (
+            [feature("Point", [13.35, 52.514], kind="anchor"), ROAD, feature("Point", [13.35, 52.514], kind="anchor")],
+            "features 1 and 3 are all anchors",
+        ),
+        ([ROAD, *(feature("Point", [13.35, 52.514], kind="dock", name="d") for _ in "12")], "there are two docks 'd'"),
         ([feature("Polygon", [], building="yes")], "feature 1"),
         ([feature("GeometryCollection", [], building="yes")], "is a GeometryCollection"),
         ([feature("Point", [1, 2], landuse="grass")], "nothing in it is part of a site"),

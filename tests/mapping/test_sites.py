@@ -181,6 +181,9 @@ def test_maps_that_make_no_sense_are_refused():
             draw(far, resolution)
     with pytest.raises(DataError, match="nothing is drawn"):
         draw(Site(), 0.1)
+    road = Site(name="road", shapes=(line(K.ROAD, [[0, 0], [30, 0]], 4.0),))
+    with pytest.raises(ConfigError, match=r"cells of 1e\+09 m are larger than the site"):
+        draw(road, 1e9)
 
 
 def test_docks_and_widths_are_inside_the_map():

@@ -135,6 +135,7 @@ def test_every_alert_of_a_file_ends_in_a_state_with_a_name(tmp_path: Path, capsy
     assert three["sent_s"] > one["ended_s"] - 1.0  # a second alert waits for the only robot there is
     assert mission["bad_lines"] == 1 and any("alerts.jsonl:7: " in n["text"] for n in summary["notes"])
     told = capsys.readouterr().out
+    assert summary["outcome"]["text"].endswith("; 2 alerts in vain")
     assert "no robot can reach a place with a view of it" in told and "1 line of alerts could not be used" in told
     assert "it was observed" in told and "nobody arrived in time" in told
 

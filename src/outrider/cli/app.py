@@ -29,7 +29,7 @@ from outrider.cli.shared import hush_matplotlib, print_json, typed
 from outrider.errors import ExitCode, UsageError
 
 app = typer.Typer(
-    help="Fuse, diagnose and evaluate the logs of ground and aerial robots.",
+    help="Navigate teams of ground and aerial robots: fuse and diagnose their logs, map, plan, simulate, evaluate.",
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # plain help starts in half the time
     no_args_is_help=True,

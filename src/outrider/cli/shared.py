@@ -23,7 +23,8 @@ def typed() -> str:
     from outrider.io.files import as_text
 
     words = [as_text(a) for a in sys.argv]
-    return shlex.join(["outrider", *words[1:]]) if words[0].endswith("outrider") else ""
+    ours = words[0].endswith(("outrider", "outrider/__main__.py"))
+    return shlex.join(["outrider", *words[1:]]) if ours else ""
 
 
 def hush_matplotlib() -> None:

@@ -155,7 +155,7 @@ def _gone_on(m: Mission, s: Inputs) -> tuple[Mission, tuple[Report, ...]]:
         return (replace(m, duty=Duty.OBSERVE, since_s=s.t_s) if s.arrived else m), ()
     if m.order is not None and m.duty is Duty.OBSERVE:
         return _released(m, Ended.OBSERVED) if s.t_s - m.since_s >= m.order.hold_s else (m, ())
-    if s.unreachable and m.missed + 1 >= s.stops:
+    if s.unreachable and (m.duty is Duty.STAND or m.missed + 1 >= s.stops):  # it tries the next, without hope
         return replace(m, duty=Duty.STAND, stop=_after(m, s), missed=0), ()
     if s.unreachable:
         return replace(m, duty=Duty.PATROL, stop=_after(m, s), missed=m.missed + 1), ()

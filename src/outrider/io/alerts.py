@@ -40,7 +40,7 @@ class AlertSection(BaseModel):
     """Standard deviation of each coordinate [m]."""
     time: str = NOW
     """When it was raised: `now`, when the station reads it, or ISO 8601 with its zone."""
-    t_s: Annotated[Metres, Field(ge=-1e8, le=1e8)] | None = None
+    t_s: Annotated[Metres, Field(ge=0, le=1e8)] | None = None
     """When to raise it, instead: seconds since the start."""
     source: Annotated[str, Field(max_length=100)] = ""
     patience_s: Annotated[Metres, Field(gt=0, le=1e8)] = 600.0

@@ -71,7 +71,7 @@ def read_geojson_site(path: Path) -> Site:
     if ignored:
         listed = ", ".join(f"{n} x {kind}" for kind, n in ignored.most_common(5))
         notes.append(f"{sum(ignored.values())} features are no part of a map and left out: {listed}")
-    docks = tuple(_dock(d, anchor, path) for d in drawn if d.kind == "dock")
+    docks = _docks(drawn, anchor, path)
     routes, guessed = _routes(drawn, anchor)
     notes += guessed
     name = str(document.get("name") or path.stem)
@@ -191,12 +191,15 @@ def _anchor(document: Mapping[str, Any], drawn: list[_Drawn], path: Path) -> Anc
     own = document.get("outrider")
     if isinstance(own, Mapping) and isinstance(cast("Mapping[str, Any]", own).get("anchor"), Mapping):
         return validated(AnchorSection, cast("Mapping[str, Any]", own)["anchor"], str(path)).anchor()
-    for d in drawn:
-        if d.kind == "anchor":
-            lon, lat = d.parts[0][0][0].tolist()
-            with located(path, d.index, d.name):
-                alt, heading = _number(d.told, "alt_m") or 0.0, _number(d.told, "heading_deg") or 0.0
-            return Anchor(datum=Datum(lat=radians(lat), lon=radians(lon), alt=alt), heading=radians(heading))
+    told = [d for d in drawn if d.kind == "anchor"]
+    if len(told) > 1:
+        which = " and ".join(str(d.index + 1) for d in told)
+        raise DataError(f"features {which} are all anchors", where=str(path), fix="keep the one that is (0, 0)")
+    for d in told:
+        lon, lat = d.parts[0][0][0].tolist()
+        with located(path, d.index, d.name):
+            alt, heading = _number(d.told, "alt_m") or 0.0, _number(d.told, "heading_deg") or 0.0
+        return Anchor(datum=Datum(lat=radians(lat), lon=radians(lon), alt=alt), heading=radians(heading))
     rows = np.concatenate([ring for d in drawn for part in d.parts for ring in part])
     lon, lat = np.round(0.5 * (rows.min(axis=0) + rows.max(axis=0)), 6).tolist()
     return Anchor(datum=Datum(lat=radians(lat), lon=radians(lon), alt=0.0))
@@ -283,6 +286,14 @@ def _dock(d: _Drawn, anchor: Anchor, path: Path) -> Dock:
         x, y = to_metres(d.parts[0][0][:1], anchor)[0].tolist()
         heading = float(wrap(radians(_number(d.told, "heading_deg") or 0.0) - anchor.heading))
     return Dock(name=d.name or f"dock {d.index + 1}", pose=np.array([x, y, heading]))
+
+
+def _docks(drawn: list[_Drawn], anchor: Anchor, path: Path) -> tuple[Dock, ...]:
+    docks = tuple(_dock(d, anchor, path) for d in drawn if d.kind == "dock")
+    twice = [name for name, n in Counter(d.name for d in docks).items() if n > 1]
+    if twice:
+        raise DataError(f"there are two docks '{twice[0]}'", where=str(path), fix="give each a name of its own")
+    return docks
 
 
 def _routes(drawn: list[_Drawn], anchor: Anchor) -> tuple[RouteGraph | None, list[str]]:

@@ -118,6 +118,9 @@ def parse_site(data: Mapping[str, object], where: str = "") -> Site:
                 shapes.append(_shape(kind, one))
             except DataError as e:
                 raise fault_at((section, k), f"{e.where} {e.what}", where, e.fix) from None
+    for k, d in enumerate(said.docks):
+        if any(d.name == other.name for other in said.docks[:k]):
+            raise fault_at(("docks", k), f"is a second dock '{d.name}'", where, "give each a name of its own")
     docks = tuple(Dock(name=d.name, pose=np.array([*d.at, radians(d.heading_deg)], float)) for d in said.docks)
     return Site(
         name=said.name,

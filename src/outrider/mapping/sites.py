@@ -49,6 +49,10 @@ def draw(site: Site, resolution: float, *, margin: float = 2.0, open_ground: boo
     low, high = site.extent
     first, last = np.floor((low - margin) / resolution + 1e-9), np.ceil((high + margin) / resolution - 1e-9)
     cols, rows = np.maximum(last - first, 1.0).tolist()
+    if resolution > float((high - low).min(initial=np.inf)) > 0.0:
+        wide, tall = (high - low).tolist()
+        what = f"cells of {resolution:g} m are larger than the site, {wide:.0f} x {tall:.0f} m"
+        raise ConfigError(what, where=site.name, fix="a resolution well below the width of the roads, such as 0.05 m")
     if rows * cols > LARGEST:
         wide, tall = (last - first) * resolution
         what = f"{wide:.0f} x {tall:.0f} m are {rows * cols / 1e6:,.0f} million cells of {resolution:g} m"

@@ -20,9 +20,9 @@ def stations(cast: Cast) -> list[Station]:
     return [r.agent for r in cast.team if isinstance(r.agent, Station)]
 
 
-def served(cast: Cast) -> bool:
-    """Whether no alert was in vain."""
-    return not any(e.state in FAILED for s in stations(cast) for e in s.book.values())
+def unserved(cast: Cast) -> int:
+    """How many alerts were in vain."""
+    return sum(e.state in FAILED for s in stations(cast) for e in s.book.values())
 
 
 def mission(cast: Cast, run: Simulation) -> dict[str, Any] | None:

@@ -18,7 +18,7 @@ from outrider.io import folders
 from outrider.io.record import write_recording
 from outrider.io.tum import write_tum
 from outrider.models.vehicles import Vehicle
-from outrider.scenarios.booked import mission, served
+from outrider.scenarios.booked import mission, unserved
 from outrider.scenarios.build import Cast, build
 from outrider.scenarios.files import scenario_text
 from outrider.scenarios.inspected import inspection, write_picture
@@ -55,8 +55,17 @@ class Done:
     def exit_code(self) -> ExitCode:
         """Whether it ended as planned, every goal reached, no alert in vain."""
         good = self.run.ending in GOOD and all(o.visit is Visit.ARRIVED for _, e in self.errands for o in e.outcomes)
-        good &= served(self.cast)
-        return ExitCode.OK if good else ExitCode.FAILED_CHECK
+        return ExitCode.OK if good and not unserved(self.cast) else ExitCode.FAILED_CHECK
+
+    @property
+    def sentence(self) -> str:
+        """How it ended, and what was in vain."""
+        missed = [o for _, e in self.errands for o in e.outcomes if o.visit is not Visit.ARRIVED]
+        vain = unserved(self.cast)
+        told = [self.run.sentence]
+        told += [f"{len(missed)} goal{'s' * (len(missed) > 1)} not reached"] if missed else []
+        told += [f"{vain} alert{'s' * (vain > 1)} in vain"] if vain else []
+        return "; ".join(told)
 
     @property
     def errands(self) -> list[tuple[str, Errand]]:
@@ -142,7 +151,7 @@ def summarise(done: Done) -> dict[str, Any]:
         "schema": SCHEMA,
         "scenario": scenario.name,
         "about": scenario.about,
-        "outcome": {"code": run.ending.name.lower(), "text": run.sentence},
+        "outcome": {"code": run.ending.name.lower(), "text": done.sentence},
         "seed": scenario.seed,
         "start_ns": run.monitor.start,
         "duration_s": lasted,
