@@ -68,7 +68,8 @@ def test_from_a_zone_and_back_takes_more_than_the_band(distances: list[float]) -
         if missions[b].stage is missions[a - 1].stage:
             # the distances that caused the two changes are on both sides of one border, the band apart
             near, far = sorted((distances[a], distances[b]))
-            crossed = [x for x in (ZONES.danger, ZONES.zone) if near <= x and far >= x + ZONES.band]
+            borders = ((ZONES.danger, ZONES.band), (ZONES.zone, ZONES.outer))
+            crossed = [x for x, band in borders if near <= x and far >= x + band]
             assert crossed
 
 
@@ -79,7 +80,7 @@ def test_a_period_later_with_the_same_senses_nothing_changes(d: float, age: floa
 
 
 def test_the_zones_of_the_paper() -> None:
-    stages = [m.stage for m in walk(*(heard(d) for d in (20.0, 6.1, 6.0, 6.2, 6.31, 5.0, 2.9, 3.2, 3.31, 4.0)))]
+    stages = [m.stage for m in walk(*(heard(d) for d in (20.0, 6.1, 6.0, 6.9, 7.1, 5.0, 2.9, 3.2, 3.31, 4.0)))]
     expected = "LOCALISE LOCALISE RENDEZVOUS RENDEZVOUS LOCALISE RENDEZVOUS DANGER DANGER RENDEZVOUS RENDEZVOUS"
     assert [s.name for s in stages] == expected.split()
 
@@ -143,6 +144,7 @@ def test_what_cannot_be_followed_is_not() -> None:
         {"danger": nan},
         {"band": 0.0},
         {"band": 4.0},
+        {"outer": 0.0},
         {"silent_s": 7.0},
         {"blind": 0.0},
         {"clocks_s": -1.0},

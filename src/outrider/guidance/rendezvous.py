@@ -97,16 +97,17 @@ class Senses:
 class Zones:
     """Where the zones end, and how long it is patient.
 
-    danger : m, radius R_d that the follower stays out of;  zone : m, radius of the rendezvous zone;  band : m, more
-    than which a zone must be left to count as left;  silent_s : age of the target's newest fix from where on it is
-    silent;  lost_s : from where on it is lost;  search_s, hold_s : how long it then looks for it, and waits;
-    blocked_s : age of its own newest fix from where on its signal is blocked;  blind : m, how wrong it may be before
-    it stops;  clocks_s : how far the clocks may disagree;  reach : m, how near counts as home.
+    danger : m, radius R_d that the follower stays out of;  zone : m, radius of the rendezvous zone;  band, outer : m,
+    by which the danger and the rendezvous zone must be left to count as left;  silent_s : age of the target's newest
+    fix from where on it is silent;  lost_s : from where on it is lost;  search_s, hold_s : how long it then looks for
+    it, and waits;  blocked_s : age of its own newest fix from where on its signal is blocked;  blind : m, how wrong it
+    may be before it stops;  clocks_s : how far the clocks may disagree;  reach : m, how near counts as home.
     """
 
     danger: float = 3.0
     zone: float = 6.0
     band: float = 0.3
+    outer: float = 1.0
     silent_s: float = 2.5
     lost_s: float = 6.0
     search_s: float = 20.0
@@ -126,7 +127,7 @@ class Zones:
             said = f"silent_s {self.silent_s:g}, lost_s {self.lost_s:g}"
             raise ConfigError(said, where="zones", fix="0 < silent_s < lost_s")
         named = {"search_s": self.search_s, "hold_s": self.hold_s, "blocked_s": self.blocked_s, "blind": self.blind}
-        for name, value in {**named, "clocks_s": self.clocks_s, "reach": self.reach}.items():
+        for name, value in {**named, "outer": self.outer, "clocks_s": self.clocks_s, "reach": self.reach}.items():
             if not value > 0.0:
                 raise ConfigError(f"{name} is {value:g}", where="zones", fix="a number above 0")
 
@@ -173,7 +174,7 @@ def _zone(m: Rendezvous, distance: float, zones: Zones) -> Stage:
     if distance < zones.danger + (zones.band if m.stage is Stage.DANGER else 0.0):
         return Stage.DANGER
     inside = m.stage in (Stage.RENDEZVOUS, Stage.DANGER)
-    return Stage.RENDEZVOUS if distance <= zones.zone + (zones.band if inside else 0.0) else Stage.LOCALISE
+    return Stage.RENDEZVOUS if distance <= zones.zone + (zones.outer if inside else 0.0) else Stage.LOCALISE
 
 
 def _alone(m: Rendezvous, s: Senses, zones: Zones) -> tuple[Stage, Why]:

@@ -14,6 +14,7 @@ from outrider.io.checked import fault_at, remedy
 from outrider.models.vehicles import AIR_INPUTS, Differential, Mecanum, Pad, Rotorcraft, Vehicle
 from outrider.planning.inspection import InspectionPlan
 from outrider.scenarios.driving import GotoMission, goal_poses, ground_robot
+from outrider.scenarios.following import LeadMission, carried_leader, leader, pursuer
 from outrider.scenarios.inspecting import Inspector, agents
 from outrider.scenarios.navigation import Put, mount_matrix, navigator
 from outrider.scenarios.parts import (
@@ -78,8 +79,10 @@ def build(scenario: Scenario, where: str = "") -> Cast:
     with at(where, "team"):
         shared = setting_of(world, scenario.world.place, scenario.team)
         inspectors, plans = agents(_inspectors(scenario, world, put), world)
+    leads = {n: s.mission if isinstance(s.mission, LeadMission) else None for n, s in scenario.team.items()}
     team = tuple(
-        _robot(n, s, shared, put[n], scenario.duration_s, where, inspectors.get(n)) for n, s in scenario.team.items()
+        _robot(n, s, shared, put[n], scenario.duration_s, where, inspectors.get(n), leads)
+        for n, s in scenario.team.items()
     )
     return Cast(
         world=world,
@@ -166,8 +169,9 @@ def _vehicle(section: RobotSection, world: World) -> Vehicle | None:
 
 
 def _robot(
-    name: str, section: RobotSection, shared: Setting, put: Put, duration_s: float, where: str, inspector: Agent | None
-) -> Robot:
+    name: str, section: RobotSection, shared: Setting, put: Put, duration_s: float, where: str,
+    inspector: Agent | None, leads: Mapping[str, LeadMission | None],
+) -> Robot:  # fmt: skip
     key, world = ("team", name), shared.world
     with at(where, *key, "vehicle"):
         vehicle = _vehicle(section, world)
@@ -185,6 +189,11 @@ def _robot(
             path, agent = standing(put, duration_s, world, name), station(name, mission, shared)
             if vehicle is not None:
                 raise ConfigError("a station stands", fix="leave out the vehicle")
+        elif mission.type == "lead":
+            agent = leader(name, mission, vehicle, carried, put, world)
+            path = carried_leader(mission, put, duration_s, world, name) if vehicle is None else None
+        elif mission.type == "follow" and vehicle is not None:
+            agent = pursuer(name, mission, vehicle, carried, put, world, leads)
         elif vehicle is None:
             raise ConfigError(f"a mission '{mission.type}' needs a vehicle", fix=f"there are: {', '.join(VEHICLES)}")
         elif inspector is not None:

@@ -9,6 +9,7 @@ from pydantic import Field, create_model
 from outrider.io.checked import Flag, Whole
 from outrider.models.vehicles import Differential, Mecanum, Multirotor, Pad, Rotorcraft, Steered, Vehicle
 from outrider.scenarios.driving import GotoMission
+from outrider.scenarios.following import FollowMission, LeadMission
 from outrider.scenarios.inspecting import InspectMission
 from outrider.scenarios.patrolling import PatrolMission, StationMission, site
 from outrider.scenarios.sections import (
@@ -188,6 +189,8 @@ Mission: TypeAlias = _one_of(  # type: ignore[valid-type]
         PatrolMission,
         StationMission,
         InspectMission,
+        LeadMission,
+        FollowMission,
         section_of(Schedule, tag="schedule"),
     ]
 )

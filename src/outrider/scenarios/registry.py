@@ -13,7 +13,7 @@ Description: TypeAlias = dict[str, Any]
 """The content of a scenario file."""
 Describe: TypeAlias = Callable[[C], Description]
 
-BUILT_IN: Final = ("ground", "air", "cooperative", "aircraft", "guarding", "amr2025")
+BUILT_IN: Final = ("ground", "air", "cooperative", "aircraft", "guarding", "amr2025", "leading", "swarm2023")
 
 
 @final

@@ -1,0 +1,210 @@
+"""One aircraft that follows another in scenario files: `mission: lead` and `mission: follow`."""
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Final, Literal
+
+import numpy as np
+from pydantic import Field
+
+from outrider.core.angles import wrap
+from outrider.errors import ConfigError
+from outrider.filters.following import FollowerFilter, Following
+from outrider.guidance.rendezvous import Zones
+from outrider.io.checked import Flag, Whole, remedy
+from outrider.models.motion.following import FollowerModel
+from outrider.models.vehicles import AIR_INPUTS, Vehicle
+from outrider.safety.separation import Separation
+from outrider.scenarios.navigation import Put, navigator
+from outrider.scenarios.sections import Number, Part, inner_section, made_of, plain_value
+from outrider.sim.motion import glide
+from outrider.sim.truth import EPOCH, Place, Truth
+from outrider.sim.world import World
+from outrider.team.bearings import Bearings
+from outrider.team.leader import Leader, Legs, Spoof
+from outrider.team.pursuer import Fixed, Law, Pursuer, Style
+from outrider.team.trail import Aim, Trail
+from outrider.typing import Floats
+
+Positive = Annotated[Number, Field(gt=0)]
+NotNegative = Annotated[Number, Field(ge=0)]
+Spell = tuple[NotNegative, Positive]
+KNOTS_S: Final = 0.2  # s between the knots of the spline that carries a leader
+CARRIED_HZ: Final = 100.0
+
+
+class LeadMission(Part):
+    """Flies through waypoints and tells everybody its fixes; exactly so if nothing is its vehicle, else on its own
+    estimate."""
+
+    type: Literal["lead"]
+    waypoints: Annotated[list[list[Number]], Field(min_length=1)]
+    """East, north (and up) [m]; the last one is the end."""
+    speed: Positive = 2.0
+    speeds: list[Positive] | None = None
+    """m/s to each waypoint, instead of one for all."""
+    waits_s: list[NotNegative] = []
+    """Hovers so long at each waypoint."""
+    stops_s: tuple[Spell, ...] = ()
+    """Spells in which it stops dead."""
+    corner: Positive = 0.5
+    """Share of its speed with which it passes a waypoint."""
+    tells: str = "gnss"
+    """The receiver of which it tells every fix."""
+    silent_s: tuple[Spell, ...] = ()
+    """Spells in which it tells nothing."""
+    spoofs: tuple[inner_section(Spoof), ...] = ()  # type: ignore[valid-type]
+    """Spells in which what it tells is somewhere else."""
+    clock_s: Number = 0.0
+    """By which its clock is ahead."""
+    lag_s: Positive = 0.5
+    """Of its velocity, if it is carried."""
+    acceleration: Positive = 5.0
+    """m/s^2 at most, if it is carried."""
+    period_s: Positive = 0.1
+
+    @property
+    def fastest(self) -> float:
+        """m/s."""
+        return max([self.speed] if self.speeds is None else self.speeds)
+
+
+class FollowMission(Part):
+    """Follows one that leads, through localisation and rendezvous zone, and stays out of its danger zone."""
+
+    type: Literal["follow"]
+    leader: str
+    zones: inner_section(Zones) = Field(default={}, validate_default=True)  # type: ignore[valid-type]
+    far: Literal["los", "bezier", "vector"] = "vector"
+    """How it approaches outside the rendezvous zone."""
+    near: Literal["los", "zone", "vector"] = "vector"
+    """How it flies inside."""
+    speed: Positive = 2.5
+    """m/s at most, inside the rendezvous zone."""
+    far_speed: Positive = 3.0
+    """m/s at most, outside."""
+    guides_on: Literal["estimate", "gps"] = "estimate"
+    """What guidance sees: the filters, or the newest fixes alone."""
+    safety: Flag = True
+    """Whether a filter below every law keeps the distance."""
+    distance: Positive | None = None
+    """m to stay away, at least; by default what the target's speed and the link's delay ask for."""
+    target_speed: Positive | None = None
+    """m/s, where it is told instead of estimated."""
+    approach: NotNegative = 0.0
+    """m/s by which the target may come towards it of its own will."""
+    target_lag_s: NotNegative = 0.5
+    """How quickly the target changes its velocity."""
+    degree: Annotated[Whole, Field(ge=1, le=8)] = 3
+    """Of the Bezier curve: so many points of the trail, one a second."""
+    aim: Literal["points", "end"] = "end"
+    """Which point of the curve is flown at."""
+    model: inner_section(FollowerModel) | None = None  # type: ignore[valid-type]
+    """How it answers commands; by default as its vehicle is built."""
+    target: inner_section(FollowerModel) = Field(
+        default=plain_value(FollowerModel.target()), validate_default=True
+    )  # type: ignore[valid-type]
+    """How the target moves."""
+    wind: NotNegative = 0.0
+    """m/s, of the wind that its filter estimates; 0: it knows of none."""
+    gnss: str = "gnss"
+    heading: str = ""
+    """Streams that its filter hears. A heading is one only of a craft whose nose points where it flies."""
+    command_s: Positive = 0.1
+    """s between two commands."""
+    period_s: Positive = 0.1
+
+
+def legs(mission: LeadMission, height: float) -> Legs:
+    """What it flies; of a waypoint without a height the start's is taken."""
+    if any(len(p) not in (2, 3) for p in mission.waypoints):
+        raise ConfigError("a waypoint of other than 2 or 3 numbers", where="waypoints", fix="east, north (and up) [m]")
+    n = len(mission.waypoints)
+    return Legs(
+        waypoints=np.array([[*p, height][:3] for p in mission.waypoints], np.float64),
+        speeds=np.array([mission.speed] * n if mission.speeds is None else mission.speeds, np.float64),
+        waits_s=np.array(mission.waits_s or [0.0] * n, np.float64), stops_s=mission.stops_s, corner=mission.corner,
+    )  # fmt: skip
+
+
+def leader(
+    name: str, mission: LeadMission, vehicle: Vehicle | None, carried: tuple[Any, ...], put: Put, world: World
+) -> Leader:
+    """The agent. ConfigError: no receiver to tell of, a vehicle on the ground."""
+    names = [s.name for s in carried]
+    if mission.tells not in names:
+        raise ConfigError(f"no sensor '{mission.tells}'", where="tells", fix=remedy(mission.tells, names))
+    if vehicle is not None and vehicle.inputs != AIR_INPUTS:
+        raise ConfigError("only who flies leads", where="vehicle", fix="a multirotor, or none: it is carried then")
+    own = None if vehicle is None else navigator(carried, put, EPOCH, world, flies=True, robot=name)
+    return Leader(
+        name=name, legs=legs(mission, put[2]), datum=world.datum, start=EPOCH, tells=mission.tells, navigator=own,
+        silent_s=mission.silent_s, spoofs=tuple(made_of(Spoof, s) for s in mission.spoofs), clock_s=mission.clock_s,
+        period_s=mission.period_s,
+    )  # fmt: skip
+
+
+def carried_leader(mission: LeadMission, put: Put, duration_s: float, world: World, robot: str) -> Truth:
+    """The motion of one that is carried: its nose along its course, its body leaning as a multirotor's."""
+    p = legs(mission, put[2]).path(np.array(put[:3]), duration_s, KNOTS_S, mission.lag_s, mission.acceleration)
+    heading = _course(p, put[3])
+    control = np.vstack([np.tile([*p[0], put[3]], (2, 1)), np.column_stack([p, heading])])  # a knot acts 2 knots early
+    place = Place(gravity=world.gravity, datum=world.datum, t0=EPOCH, robot=robot)
+    return glide(control, KNOTS_S, duration_s, CARRIED_HZ, leans=True, place=place)
+
+
+def _course(p: Floats, yaw: float) -> Floats:
+    """(n,) rad, along the way; the last one while it hardly moves. It turns by less than half a turn a step."""
+    step = np.diff(p[:, :2], axis=0, append=p[-1:, :2])
+    moves = np.hypot(step[:, 0], step[:, 1]) > 0.1 * KNOTS_S
+    course = np.where(moves, np.arctan2(step[:, 1], step[:, 0]), np.nan)
+    out = np.empty(len(p))
+    now = yaw
+    for k, c in enumerate(course.tolist()):
+        if np.isfinite(c):
+            now += float(np.clip(wrap(c - now), -1.5 * KNOTS_S, 1.5 * KNOTS_S))
+        out[k] = now
+    return out
+
+
+def pursuer(
+    name: str, mission: FollowMission, vehicle: Vehicle, carried: tuple[Any, ...], put: Put, world: World,
+    leads: Mapping[str, LeadMission | None],
+) -> Pursuer:  # fmt: skip
+    """The agent. leads : everybody else, and how those lead who do.
+
+    ConfigError: nobody of that name, no receiver, a target that is faster, a distance that cannot be held.
+    """
+    if mission.leader not in leads or mission.leader == name:
+        others = [n for n in leads if n != name]
+        raise ConfigError(f"no robot '{mission.leader}' to follow", where="leader", fix=remedy(mission.leader, others))
+    if vehicle.inputs != AIR_INPUTS:
+        raise ConfigError("only who flies follows", where="vehicle", fix="a multirotor or a rotorcraft")
+    names = [s.name for s in carried]
+    if mission.gnss not in names:
+        raise ConfigError(f"no sensor '{mission.gnss}'", where="gnss", fix=remedy(mission.gnss, names))
+    lead = leads[mission.leader]
+    if lead is not None and lead.fastest >= mission.speed:
+        what = f"{mission.speed:g} m/s to follow {mission.leader}, which flies {lead.fastest:g} m/s"
+        raise ConfigError(what, where="speed", fix="more than the target's: what is over closes the distance")
+    zones, design = made_of(Zones, mission.zones), getattr(vehicle, "design", vehicle)
+    model = FollowerModel(lag=design.tau_s) if mission.model is None else made_of(FollowerModel, mission.model)
+    settings = Following(wind=mission.wind, command_delay_s=design.latency_s)
+    bearings = Bearings(
+        leader=mission.leader, own=FollowerFilter(model, settings),
+        target=FollowerFilter(made_of(FollowerModel, mission.target)), datum=world.datum, start=EPOCH,
+        gnss=mission.gnss, heading=mission.heading if mission.heading in names else "", raw=mission.guides_on == "gps",
+    )  # fmt: skip
+    style = Style(
+        far=Law[mission.far.upper()], near=Law[mission.near.upper()], speed=mission.speed, far_speed=mission.far_speed,
+        target_speed=mission.target_speed or float("nan"), command_s=mission.command_s, latency_s=design.latency_s,
+    )  # fmt: skip
+    separation = Separation(
+        distance=zones.danger, period_s=mission.command_s, lag_s=design.tau_s, acceleration=design.acceleration,
+        speed=max(mission.speed, mission.far_speed), other_lag_s=mission.target_lag_s, approach=mission.approach,
+    )  # fmt: skip
+    return Pursuer(
+        name=name, bearings=bearings, zones=zones, style=style, set_point=Fixed(m=mission.distance or zones.danger + 2.5),
+        separation=separation if mission.safety else None,
+        trail=Trail(degree=mission.degree, aim_at=Aim[mission.aim.upper()]), home=np.array(put[:3]),
+        period_s=mission.period_s,
+    )  # fmt: skip
