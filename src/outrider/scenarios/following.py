@@ -1,7 +1,7 @@
 """One aircraft that follows another in scenario files: `mission: lead` and `mission: follow`."""
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Final, Literal, cast
 
 import numpy as np
 from pydantic import Field
@@ -12,7 +12,7 @@ from outrider.filters.following import FollowerFilter, Following
 from outrider.guidance.rendezvous import Zones
 from outrider.io.checked import Flag, Whole, remedy
 from outrider.models.motion.following import FollowerModel
-from outrider.models.vehicles import AIR_INPUTS, Vehicle
+from outrider.models.vehicles import AIR_INPUTS, Multirotor, Rotorcraft, Vehicle
 from outrider.safety.separation import Separation
 from outrider.scenarios.navigation import Put, navigator
 from outrider.scenarios.sections import Number, Part, inner_section, made_of, plain_value
@@ -28,6 +28,7 @@ from outrider.typing import Floats
 Positive = Annotated[Number, Field(gt=0)]
 NotNegative = Annotated[Number, Field(ge=0)]
 Spell = tuple[NotNegative, Positive]
+TARGET: Final = cast("dict[str, Any]", plain_value(FollowerModel.target()))
 KNOTS_S: Final = 0.2  # s between the knots of the spline that carries a leader
 CARRIED_HZ: Final = 100.0
 
@@ -40,9 +41,9 @@ class LeadMission(Part):
     waypoints: Annotated[list[list[Number]], Field(min_length=1)]
     """East, north (and up) [m]; the last one is the end."""
     speed: Positive = 2.0
-    speeds: list[Positive] | None = None
+    speeds: tuple[Positive, ...] | None = None
     """m/s to each waypoint, instead of one for all."""
-    waits_s: list[NotNegative] = []
+    waits_s: tuple[NotNegative, ...] = ()
     """Hovers so long at each waypoint."""
     stops_s: tuple[Spell, ...] = ()
     """Spells in which it stops dead."""
@@ -100,9 +101,7 @@ class FollowMission(Part):
     """Which point of the curve is flown at."""
     model: inner_section(FollowerModel) | None = None  # type: ignore[valid-type]
     """How it answers commands; by default as its vehicle is built."""
-    target: inner_section(FollowerModel) = Field(
-        default=plain_value(FollowerModel.target()), validate_default=True
-    )  # type: ignore[valid-type]
+    target: inner_section(FollowerModel) = Field(default=TARGET, validate_default=True)  # type: ignore[valid-type]
     """How the target moves."""
     wind: NotNegative = 0.0
     """m/s, of the wind that its filter estimates; 0: it knows of none."""
@@ -186,7 +185,8 @@ def pursuer(
     if lead is not None and lead.fastest >= mission.speed:
         what = f"{mission.speed:g} m/s to follow {mission.leader}, which flies {lead.fastest:g} m/s"
         raise ConfigError(what, where="speed", fix="more than the target's: what is over closes the distance")
-    zones, design = made_of(Zones, mission.zones), getattr(vehicle, "design", vehicle)
+    zones = made_of(Zones, mission.zones)
+    design = cast("Multirotor | Rotorcraft", getattr(vehicle, "design", vehicle))
     model = FollowerModel(lag=design.tau_s) if mission.model is None else made_of(FollowerModel, mission.model)
     settings = Following(wind=mission.wind, command_delay_s=design.latency_s)
     bearings = Bearings(
@@ -203,8 +203,8 @@ def pursuer(
         speed=max(mission.speed, mission.far_speed), other_lag_s=mission.target_lag_s, approach=mission.approach,
     )  # fmt: skip
     return Pursuer(
-        name=name, bearings=bearings, zones=zones, style=style, set_point=Fixed(m=mission.distance or zones.danger + 2.5),
-        separation=separation if mission.safety else None,
+        name=name, bearings=bearings, zones=zones, style=style, separation=separation if mission.safety else None,
+        set_point=Fixed(m=mission.distance or zones.danger + 2.5),
         trail=Trail(degree=mission.degree, aim_at=Aim[mission.aim.upper()]), home=np.array(put[:3]),
         period_s=mission.period_s,
     )  # fmt: skip

@@ -1,7 +1,8 @@
 """swarm2023's flights, in east and north (the paper's y and x), with the signs that its text lost.
 
-The preset `paper` guides on raw fixes by the paper's laws, once a second, without a safety filter, and its filters only
-watch; `principled` guides on the estimate by the vector law, ten times a second, above a filter that keeps the distance.
+The preset `paper` guides on raw fixes by the paper's laws, once a second, without a safety filter, and its filters
+only watch; `principled` guides on the estimate by the vector law, ten times a second, above a filter that keeps the
+distance.
 """
 
 from dataclasses import dataclass

@@ -147,9 +147,9 @@ class Pursuer:
         if there is not None:  # faster than it can fly, by more than it may be wrong about that
             surely = float(np.linalg.norm(there.v)) - 3.0 * float(np.sqrt(np.diag(there.P)[3:].max()))
             self._unfit = surely > self.style.speed * (OUTRUN if self._unfit else 1.0)
-        known = here is not None and there is not None
+        distance = nan if here is None or there is None else float(np.linalg.norm(there.now - here.p))
         return Senses(
-            t_s=seconds, distance=float(np.linalg.norm(there.now - here.p)) if known else nan, heard_s=b.heard_s(t),
+            t_s=seconds, distance=distance, heard_s=b.heard_s(t),
             jumps=b.jumps, fix_s=seconds - b.fix_s if here is not None else 0.0,
             sigma=b.sigma(t) if here is not None else 0.0, clocks_s=b.clocks.ahead_s,
             unfit=there is not None and (self._unfit or goal != goal),
