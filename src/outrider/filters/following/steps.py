@@ -131,33 +131,36 @@ def update_course(
     of the speed, a direction says nothing: NaN, and nothing changes. Returns (NIS, its variance); w (n,) is scratch.
     """
     n = x.size
-    air = 1.0 if through_air and n == 9 else 0.0
-    vx, vy = x[3], x[4]
-    if air > 0.0:
-        vx -= x[6]
-        vy -= x[7]
+    air = through_air and n == 9
+    vx, vy = x[3] - (x[6] if air else 0.0), x[4] - (x[7] if air else 0.0)
     square = vx * vx + vy * vy
     if not (square > slowest * slowest and square > 4.0 * (P[3, 3] + P[4, 4])):
         return nan, nan
-    hx, hy = -vy / square, vx / square
+    return fuse_row(x, P, -vy / square, vx / square, air, wrap(angle - atan2(vy, vx)), r, gate, w)
+
+
+@kernel
+def fuse_row(
+    x: Floats, P: Floats, hx: float, hy: float, air: bool, e: float, r: float, gate: float, w: Floats
+) -> tuple[float, float]:
+    """Fuse an innovation e of variance r whose Jacobian is (hx, hy) by the horizontal velocity (less wind, if air)."""
+    n = x.size
     for i in range(n):
         w[i] = hx * P[i, 3] + hy * P[i, 4]
-        if air > 0.0:
+        if air:
             w[i] -= hx * P[i, 6] + hy * P[i, 7]
     s = r + hx * w[3] + hy * w[4]
-    if air > 0.0:
+    if air:
         s -= hx * w[6] + hy * w[7]
-    e = wrap(angle - atan2(vy, vx))
-    nis = e * e / s
-    if not (s > 0.0 and nis < inf):
+    if not (s > 0.0 and e * e < inf):
         return nan, nan
-    if nis <= gate:
-        share = 1.0 / s
+    share = 1.0 / s
+    if e * e * share <= gate:
         for i in range(n):
             x[i] += w[i] * e * share
             for j in range(n):
                 P[i, j] -= w[i] * w[j] * share
-    return nis, s
+    return e * e * share, s
 
 
 # ------------------------------------------------------------------------------------------------ many robots
