@@ -35,7 +35,7 @@ def run_ensemble(flight: Log, x: Floats, P: Floats, rng: Generator, square_root:
             moments(s.X, x, P)
         if flight.kind[k] > 0 and tells(x, P, flight.slowest):
             for row in range(flight.kind[k]):
-                total += assimilate(rng, flight.kind[k], row, flight.dt[i], square_root, x, z, r[3 + row], s)
+                total += assimilate(rng, flight.kind[k], row, float(flight.dt[i]), square_root, x, z, r[3 + row], s)
             moments(s.X, x, P)
         out.likelihood[k] = total
         keep(x, P, out.x[k], out.P[k])

@@ -23,9 +23,9 @@ def run_gaussian(flight: Log, x: Floats, P: Floats, unscented: bool, out: Track,
             total += evidence(nis, det, 3)
         if flight.kind[k] > 0 and tells(x, P, flight.slowest):
             if unscented:
-                total += sigma_update(x, P, flight.kind[k], flight.dt[i], z, r, s)
+                total += sigma_update(x, P, flight.kind[k], float(flight.dt[i]), z, r, s)
             else:
-                total += tangent_update(x, P, flight.kind[k], flight.dt[i], z, r, s)
+                total += tangent_update(x, P, flight.kind[k], float(flight.dt[i]), z, r, s)
         out.likelihood[k] = total
         keep(x, P, out.x[k], out.P[k])
 
