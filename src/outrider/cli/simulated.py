@@ -64,6 +64,8 @@ def run(summary: Mapping[str, Any], folder: Path, *, quiet: bool = False) -> Non
         _mission(mission)
     if summary["inspection"]:
         _inspection(summary["inspection"])
+    for name, r in (summary["pursuit"] or {}).items():
+        _pursuit(name, r)
     sent = summary["messages"]["sent"]
     if sent:
         lost = ", ".join(f"{n} {reason}" for reason, n in summary["messages"]["lost"].items())
@@ -93,6 +95,22 @@ def _inspection(done: Mapping[str, Any]) -> None:
         for landing in r.get("landings", ()):
             what = f"{name} on its pad after {landing['t_s']:.1f} s, {number(landing['off_m'])} m off its middle"
             out.print(Text(what))
+
+
+def _pursuit(name: str, r: Mapping[str, Any]) -> None:
+    """How near a follower came, and what it did why."""
+    out = console()
+    told = f"{name} behind {r['leader']}: never nearer than {number(r['least_m'])} m, danger zone {r['danger_m']:g} m"
+    inside = f", inside the danger zone for {number(r['inside_s'])} s" if r["inside_s"] else ""
+    out.print(Text(told + inside, "yellow" if inside else ""))
+    if r["held_after_s"] is not None:
+        held = f"at its set-point of {number(r['set_point_m'])} m after {number(r['held_after_s'])} s"
+        out.print(Text(f"{held}, then {number(r['mean_m'])} m in the mean, spread {number(r['sd_m'])} m"))
+    for c in r["changes"]:
+        out.print(Text(f"{c['stage']}, because {c['why']}: {c['times']} times", "dim"))
+    for h in r["safety"]:
+        if h["code"] != "free":
+            out.print(Text(f"{h['text']}: {100.0 * h['share']:.1f} % of the commands", "dim"))
 
 
 def _mission(mission: Mapping[str, Any]) -> None:

@@ -1,6 +1,7 @@
 """The report of a simulation: one HTML file that needs nothing else, and moves."""
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,9 +24,17 @@ Curve = tuple[str, str, Ints, Floats]  # name, colour, stamps [ns], values
 FAR = 15.0  # m: larger distances are cut off, the small ones matter
 
 
-def write_simulation_report(run: Simulation, summary: Json, path: Path, *, scenario: str, command: str = "") -> None:
+def write_simulation_report(
+    run: Simulation,
+    summary: Json,
+    path: Path,
+    *,
+    scenario: str,
+    command: str = "",
+    figures: Sequence[tuple[str, Figure]] = (),
+) -> None:
     """Write the page. summary : schema `outrider.simulation/1`;  scenario : its resolved text;  command : what to type
-    to get the run again."""
+    to get the run again;  figures : more to show, with their titles."""
     goals = {name: [(g["east_m"], g["north_m"]) for g in r["goals"]] for name, r in summary["robots"].items()}
     picture, data = stage(run, goals, summary["mission"])
     figure = simulation_figure(run)
@@ -38,6 +47,7 @@ def write_simulation_report(run: Simulation, summary: Json, path: Path, *, scena
             stage=picture,
             data=Markup(json.dumps(data, separators=(",", ":")).replace("</", "<\\/")),
             curves=Markup(to_svg(figure, "distances over time")) if figure else "",
+            figures=[(title, Markup(to_svg(f, title))) for title, f in figures],
             far=FAR,
             keys=KEYS,
             colours=colours(run),

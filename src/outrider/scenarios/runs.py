@@ -21,6 +21,7 @@ from outrider.models.vehicles import Vehicle
 from outrider.scenarios.booked import mission, unserved
 from outrider.scenarios.build import Cast, build
 from outrider.scenarios.files import scenario_text
+from outrider.scenarios.followed import pursuit, pursuit_figures, write_pictures
 from outrider.scenarios.inspected import inspection, write_picture
 from outrider.scenarios.parts import Scenario
 from outrider.sim.engine import Ending, Simulation
@@ -119,7 +120,9 @@ def run_scenario(
 
             tell("report", 0.0)
             text = scenario_text(scenario)
-            write_simulation_report(done.run, document, part / REPORT, scenario=text, command=command)
+            figures = pursuit_figures(cast, done.run)
+            write_simulation_report(done.run, document, part / REPORT, scenario=text, command=command, figures=figures)
+            write_pictures(figures, part)
             if document["inspection"]:
                 write_picture(cast, done.run, part / PICTURE)
         folders.write_marker(part, SUMMARY, document)
@@ -163,6 +166,7 @@ def summarise(done: Done) -> dict[str, Any]:
         ],
         "mission": mission(done.cast, run),
         "inspection": inspection(done.cast, run),
+        "pursuit": pursuit(done.cast, run),
         "messages": {
             "sent": run.air.sent,
             "lost": {reason.name.lower(): run.air.lost[reason] for reason in Lost if run.air.lost[reason]},
