@@ -37,7 +37,7 @@ class Avoidance:
     brake: float = 3.0
     response_s: float = 0.5
     react_s: float = 0.9
-    retreat: float = 0.5
+    retreat: float = 1.0
 
     def __post_init__(self) -> None:
         positive = ("separation", "horizon_s", "speed", "acceleration", "brake", "response_s", "react_s")

@@ -168,8 +168,8 @@ def _world(task: Task, sky: Sky, rules: Avoidance, spacing: Spacing) -> World:
     lag_step(DT, FollowerModel(lag=VEHICLE.tau_s, lag_z=VEHICLE.tau_s).theta(), step)
     sigma = np.array([[sky.fix_p] * 3, [sky.fix_v] * 3])
     how = np.array([
-        DT, SUB, sky.radio, sky.loss * on, round(sky.late_s / DT), FORGET_S, STALE_S, 25.0, LAYER, 1.0, task.cruise,
-        task.near, ASIDE_M, sky.wind * on, sky.gust * on, exp(-DT / sky.gust_s),
+        DT, SUB, sky.radio, sky.loss * on, round(sky.late_s / DT) if sky.noisy else 1, FORGET_S, STALE_S, 25.0, LAYER,
+        1.0, task.cruise, task.near, ASIDE_M, sky.wind * on, sky.gust * on, exp(-DT / sky.gust_s),
         0.5 * rules.separation + rules.margin, rules.separation, task.period_s, task.window_s,
         task.on_the_way,
     ])  # fmt: skip

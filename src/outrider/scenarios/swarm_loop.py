@@ -243,9 +243,9 @@ def towards(w: World, s: Swarm, i: int, t: float) -> tuple[float, float, float]:
     d = hypot(dx, dy)
     since = t - w.release[i, g]
     near = w.how[H_PASS] if g + 1 < w.goals.shape[1] else w.how[H_NEAR]
-    if d < near and g + 1 < w.goals.shape[1] and since >= 0.0:
-        if w.release[i, g] <= 0.0 or since % w.how[H_PERIOD] < w.how[H_WINDOW]:
-            s.goal[i] = g + 1
+    slot = since >= 0.0 and (w.release[i, g] <= 0.0 or since % w.how[H_PERIOD] < w.how[H_WINDOW])
+    if d < near and g + 1 < w.goals.shape[1] and slot:
+        s.goal[i] = g + 1
     s.high[i] = w.goals[i, s.goal[i], 2]
     if d < 1e-9:
         return 0.0, 1.0, 0.0

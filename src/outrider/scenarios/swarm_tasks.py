@@ -1,18 +1,20 @@
-"""What swarms are to do: to swap places on a circle, to meet head-on, to cross, to pass a doorway, to follow in column."""
+"""What swarms are to do: swap places on a circle, meet head-on, cross, pass a doorway, follow in column."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from outrider.scenarios.swarm import GOALS, Task
+from outrider.typing import Floats
 
 UP = 30.0  # m, height of flight
 GROUP = 8  # drones that go through a door one after the other before those of the other side
 SLOT_S, CLEAR_S = 4.5, 8.0  # s for each of them, and until the other side may
 
 
-def _to(start: np.ndarray, goal: np.ndarray, seconds: float) -> Task:
+def _to(start: NDArray[np.floating], goal: NDArray[np.floating], seconds: float) -> Task:
     n = len(start)
     up = np.full((n, 1), UP)
-    return Task(start=np.hstack([start, up]), kind=np.full(n, GOALS), goals=np.hstack([goal, up])[:, None],
+    return Task(start=np.hstack([start, up]).astype(np.float64), kind=np.full(n, GOALS), goals=np.hstack([goal, up]).astype(np.float64)[:, None],
                 seconds=seconds)  # fmt: skip
 
 
@@ -39,8 +41,8 @@ def crossing(n: int, apart: float = 5.0) -> Task:
     k = np.arange(half)
     block = apart * np.column_stack([k % side, k // side]) - 0.5 * apart * (side - 1)
     far = 20.0 + 0.5 * apart * side
-    west, south = block - [far, 0.0], block - [0.0, far]
-    return _to(np.vstack([west, south]), np.vstack([block + [far, 0.0], block + [0.0, far]]), 240.0)
+    east, north = np.array([far, 0.0]), np.array([0.0, far])
+    return _to(np.vstack([block - east, block - north]), np.vstack([block + east, block + north]), 240.0)
 
 
 def doorway(n: int, apart: float = 5.0, width: float = 4.0) -> Task:
@@ -57,7 +59,9 @@ def doorway(n: int, apart: float = 5.0, width: float = 4.0) -> Task:
     block = block[np.argsort(np.hypot(*(block - wait).T), kind="stable")]
     way = [wait, [-3.0, 0.0], [3.0, 0.0], [7.0, -4.0]]
     east = np.stack([block, *(np.tile(p, (half, 1)) for p in way), block[::-1] * [-1.0, 1.0]], axis=1)
-    goals = np.concatenate([east, -east])  # who is nearest to the door goes farthest behind it
+    goals: Floats = np.concatenate([east, -east]).astype(
+        np.float64
+    )  # who is nearest to the door goes farthest behind it
     open_s = GROUP * SLOT_S
     period = 2.0 * (open_s + CLEAR_S)
     begin = 10.0 + float(np.hypot(*(block[-1] - wait))) / 3.0
