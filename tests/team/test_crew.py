@@ -78,7 +78,7 @@ def test_step_by_step_is_the_same_as_at_once(method):
         assert np.abs(mine[:, 3] - theirs[:, LAYOUT.state("heading")][:, 0]).max() < 1e-9
         P = np.array(crew.kept[name].P)[:, [0, 1, 3]][:, :, [0, 1, 3]]
         assert np.abs(P - whole.pose_covariance(name)).max() < 1e-9
-    assert sum(c["used"] for c in crew.counts().values()) == sum(
+    assert sum(a.used for a in crew.agreements()) == sum(
         n for v, n in whole.counts().items() if v.name == "USED"
     )
 
@@ -91,7 +91,7 @@ def test_nobody_hears_of_what_has_not_been_handed_in():
     assert crew.now("a", START + 2 * 10**8).p[0] == 0.0  # b is still to come
     crew.take("b", START + 2 * 10**8, [])
     assert crew.now("a", START + 2 * 10**8).p[0] > 0.2
-    assert crew.counts()["a/fix Position"]["used"] == 1
+    assert crew.agreements()[0].used == 1
 
 
 def test_a_record_that_is_no_number_changes_nothing():
@@ -101,7 +101,7 @@ def test_a_record_that_is_no_number_changes_nothing():
     crew.take("a", START + 2 * 10**8, [fix])
     here = crew.now("a", START + 2 * 10**8)
     assert np.allclose(here.p, 0.0) and np.isfinite(here.P).all()
-    assert crew.counts()["a/fix Position"]["used"] == 0
+    assert crew.agreements()[0].used == 0
 
 
 def test_a_partner_that_is_nobody_is_named():

@@ -62,6 +62,8 @@ def run(summary: Mapping[str, Any], folder: Path, *, quiet: bool = False) -> Non
         out.print(Text(f"{pair} came within {number(s['distance_m'])} m of each other, after {s['t_s']:.1f} s"))
     if mission:
         _mission(mission)
+    if summary["cooperation"]:
+        _cooperation(summary["cooperation"])
     if summary["inspection"]:
         _inspection(summary["inspection"])
     for name, r in (summary["pursuit"] or {}).items():
@@ -75,21 +77,68 @@ def run(summary: Mapping[str, Any], folder: Path, *, quiet: bool = False) -> Non
     out.print(Text(f"try: {_invitation(summary, folder)}"))
 
 
-def _inspection(done: Mapping[str, Any]) -> None:
-    """Errors, honesty and coverage of every robot; what it would have been without the others."""
+def _cooperation(done: Mapping[str, Any]) -> None:
+    """Errors and honesty of every robot and pair, what they would have been without the others and without sensors."""
     out = console()
-    alone = done["without"]["exchange"]
-    shown = ("robot", ">position", ">heading", ">NEES/dof", ">alone", ">planned", ">seen", ">of reachable", ">path")
+    alone, bare = done["without"].get("exchange"), done["without"].get("exchange, lidar and stereo")
+    out.print(Text(f"sharing: {done['method']['code']}: {done['method']['text']}"))
+    table = table_of(
+        "robot", ">position", ">heading", ">NEES/dof", ">in 95 % band", ">without exchange", ">nor lidar, stereo"
+    )
+    for name, r in done["robots"].items():
+        table.add_row(
+            escape(name), f"{number(r['position_m'])} m", f"{number(r['heading_deg'])} deg", f"{r['nees_per_dof']:.2f}",
+            f"{r['in_band']:.0%}", f"{number(alone[name]['position_m'])} m" if alone else NONE,
+            f"{number(bare[name]['position_m'])} m" if bare else NONE,
+        )  # fmt: skip
+    for pair in done["pairs"]:
+        names = " and ".join(pair["robots"])
+        table.add_row(escape(names), "", "", f"{pair['nees_per_dof']:.2f}", f"{pair['in_band']:.0%}", "", "")
+    print_table(out, table)
+    _sensors(done)
+    told = done["exchange"]
+    if told:
+        lost = ", ".join(f"{n} {why}" for why, n in told["lost"].items()) or "none"
+        out.print(Text(f"exchange: {told['telegrams']} telegrams, {told['sent_bytes'] * 1e-6:.1f} MB, lost: {lost}"))
+        for r in told["refused"]:
+            out.print(Text(f"refused from {r['from']}, {r['times']} times: {r['text']}", "yellow"))
+        for r in told["isolated"]:
+            what = "no longer believes" if r["isolated"] else "believes again"
+            out.print(Text(f"{r['by']} {what} {r['robot']}, after {r['t_s']:.1f} s", "yellow"))
+    for what in done["unobserved"]:
+        out.print(Text(f"warning: {what}", "yellow"))
+
+
+def _sensors(done: Mapping[str, Any]) -> None:
+    """Every sensor's agreement and part; with `ablate` what is lost without it."""
+    out = console()
+    shown = ["sensor", ">used", ">refused", ">NIS/dof", ">in 95 % bound", ">1 s of it is worth"]
+    left_out = {(a["robot"], a["sensor"]): a["robots"] for a in done["ablation"] or ()}
+    if left_out:
+        shown += [f">without it: {name}" for name in done["robots"]]
     table = table_of(*shown)
+    for s in done["sensors"]:
+        name = f"{s['robot']}/{s['sensor']}" + (f" of {s['partner']}" if s["partner"] else "")
+        worth = NONE if s["worth_in_1_s"] is None else f"{number(s['worth_in_1_s'])} {s['unit']}"
+        told = (NONE, NONE) if s["nis_per_dof"] is None else (f"{s['nis_per_dof']:.2f}", f"{s['in_bound']:.0%}")
+        row = [escape(name), str(s["used"]), str(s["refused"]), *told, worth]
+        for n, r in done["robots"].items() if left_out else ():
+            other = left_out[s["robot"], s["sensor"]][n]
+            row.append(f"{number(other['position_m'])} m, {1e3 * (other['position_m'] - r['position_m']):+.1f} mm")
+        table.add_row(*row)
+    print_table(out, table)
+
+
+def _inspection(done: Mapping[str, Any]) -> None:
+    """What every robot has seen, and its landings."""
+    out = console()
+    table = table_of("robot", ">planned", ">seen", ">of reachable", ">path")
     for name, r in done["robots"].items():
         seen = r["coverage"]
         table.add_row(
-            escape(name), f"{number(r['position_m'])} m", f"{number(r['heading_deg'])} deg",
-            f"{r['nees_per_dof']:.2f}", f"{number(alone[name]['position_m'])} m" if alone else NONE,
-            f"{100.0 * seen['planned']:.1f} %", f"{100.0 * seen['achieved']:.1f} %",
+            escape(name), f"{100.0 * seen['planned']:.1f} %", f"{100.0 * seen['achieved']:.1f} %",
             f"{100.0 * seen['reachable']:.1f} %", f"{number(r['path']['length_m'])} m",
         )  # fmt: skip
-    out.print(Text(f"sharing: {done['method']['code']}: {done['method']['text']}"))
     print_table(out, table)
     for name, r in done["robots"].items():
         for landing in r.get("landings", ()):

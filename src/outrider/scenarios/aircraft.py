@@ -1,9 +1,11 @@
 """coop2024 in closed loop: ground robots and a drone inspect a parked airliner along planned paths."""
 
 from dataclasses import dataclass
-from math import isfinite
-from typing import Any, Literal, final
+from math import inf, isfinite
+from typing import Any, final
 
+from outrider.scenarios.cooperative import DRIFT
+from outrider.scenarios.crews import MethodName
 from outrider.scenarios.ground import WHEELS
 from outrider.scenarios.registry import Description, scenario
 
@@ -15,13 +17,18 @@ PAD = {"place": [0.0, 0.0, 0.65], "radius": 0.5, "tolerance": 0.3}
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Inspection:
     """method : of sharing;  rovers : robots on the ground;  endurance, charge : s that a battery of the drone lasts, 0
-    for ever, and that it takes to charge;  bias : m, of each receiver, constant;  duration : s."""
+    for ever, and that it takes to charge;  duration : s;  loss (share), delay (s), radio_range (m) : of the radio;
+    ablate : whether to tell what each sensor was worth."""
 
-    method: Literal["none", "local", "naive", "ci", "split_ci", "distributed", "joint"] = "joint"
+    method: MethodName = "joint"
     rovers: int = 1
     endurance: float = 0.0
     charge: float = 30.0
     duration: float = 180.0
+    loss: float = 0.0
+    delay: float = 0.02
+    radio_range: float = inf
+    ablate: bool = False
 
 
 @scenario("aircraft-inspection", tags=("cooperative", "closed loop", "coop2024"))
@@ -39,7 +46,9 @@ def aircraft_inspection(cfg: Inspection) -> Description:
     return {
         "duration_s": cfg.duration * (3.0 if recharges else 1.0),
         "world": {"place": {"type": "parked_airliner"}},
+        "radio": {"loss": cfg.loss, "latency_s": cfg.delay, "range_m": cfg.radio_range},
         "team": team,
+        "cooperation": {"method": cfg.method, "ablate": cfg.ablate},
     }
 
 
@@ -79,9 +88,6 @@ def _drone(cfg: Inspection, carrier: str, path: float) -> Description:
             "endurance_s": cfg.endurance or 1e9, "charge_s": cfg.charge,
         },
     }  # fmt: skip
-
-
-DRIFT = {"gyro_start": 0.005, "gyro_walk": 0.0, "accel_start": 0.05, "accel_walk": 0.0, "wheels_start": 0.0}
 
 
 def _common(antenna: tuple[float, float, float]) -> list[Description]:

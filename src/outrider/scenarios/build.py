@@ -1,6 +1,6 @@
 """From a checked scenario to a world, a team and a radio."""
 
-from collections.abc import Generator, Mapping
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from math import cos, sin
@@ -8,11 +8,14 @@ from typing import Any, final
 
 import numpy as np
 
+from outrider.core.rotations import quats_to_matrices
 from outrider.data.agents import Agent, Planned
 from outrider.errors import ConfigError
+from outrider.filters.cooperative import Method
 from outrider.io.checked import fault_at, remedy
 from outrider.models.vehicles import AIR_INPUTS, Differential, Mecanum, Pad, Rotorcraft, Vehicle
 from outrider.planning.inspection import InspectionPlan
+from outrider.scenarios.crews import Heard, crew_of
 from outrider.scenarios.driving import GotoMission, goal_poses, ground_robot
 from outrider.scenarios.following import LeadMission, carried_leader, leader, pursuer
 from outrider.scenarios.inspecting import Inspector, agents
@@ -39,6 +42,7 @@ from outrider.sim.team import Robot
 from outrider.sim.truth import EPOCH, Drift, Truth
 from outrider.sim.world import Fence, Ground, Mover, Wall, Wind, World
 from outrider.team import Schedule, Tour
+from outrider.team.crew import Crew
 from outrider.team.errand import Errand
 from outrider.team.scout import Scout
 from outrider.typing import Floats
@@ -57,6 +61,10 @@ class Cast:
 
     where: str = ""
     plans: Mapping[str, InspectionPlan] = field(default_factory=dict[str, InspectionPlan])
+    crew: Crew | None = None
+    """Of robots that share their estimates."""
+    ablates: bool = False
+    """Whether what each sensor was worth is to be found."""
 
     def run(self) -> Simulation:
         """Simulate it. Raises ConfigError for what only shows on the spot: a robot that starts inside a wall."""
@@ -78,12 +86,14 @@ def build(scenario: Scenario, where: str = "") -> Cast:
     put = {name: _put(name, scenario, where) for name in scenario.team}
     with at(where, "team"):
         shared = setting_of(world, scenario.world.place, scenario.team)
-        inspectors, plans = agents(_inspectors(scenario, world, put), world)
+        inspectors, plans = agents(_inspectors(scenario, world, put), world, radio, scenario.seed)
     leads = {n: s.mission if isinstance(s.mission, LeadMission) else None for n, s in scenario.team.items()}
     team = tuple(
         _robot(n, s, shared, put[n], scenario.duration_s, where, inspectors.get(n), leads)
         for n, s in scenario.team.items()
     )
+    with at(where, "cooperation"):
+        crew = next((a.crew for a in inspectors.values()), None) or _listeners(scenario, team, world, radio)
     return Cast(
         world=world,
         team=team,
@@ -92,7 +102,27 @@ def build(scenario: Scenario, where: str = "") -> Cast:
         seed=scenario.seed,
         where=where,
         plans=plans,
+        crew=crew,
+        ablates=scenario.cooperation is not None and scenario.cooperation.ablate,
     )
+
+
+def _listeners(scenario: Scenario, team: Sequence[Robot], world: World, radio: Radio) -> Crew | None:
+    """Estimates of a team that is carried, from its records; None unless the scenario asks for them."""
+    if scenario.cooperation is None:
+        return None
+    tracks = {r.name: r.track for r in team if r.track is not None and scenario.team[r.name].mission.type == "track"}
+    missing = [r.name for r in team if r.name not in tracks]
+    if missing:
+        what = f"{', '.join(missing)} estimate by themselves"
+        raise ConfigError(what, fix="a team of which everybody is carried along a track, or inspects")
+    heard: dict[str, Heard] = {}
+    for r in team:
+        truth, mission = tracks[r.name], scenario.team[r.name].mission
+        R = quats_to_matrices(truth.q[:1])[0]
+        put = (*truth.p[0].tolist(), float(np.arctan2(R[1, 0], R[0, 0])))
+        heard[r.name] = Heard(put=put, flies=mission.flies, carried=tuple(_bare(r.sensors)), closed_loop=False)
+    return crew_of(heard, Method[scenario.cooperation.method.upper()], world, radio, scenario.seed)
 
 
 @contextmanager

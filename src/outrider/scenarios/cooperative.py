@@ -1,18 +1,26 @@
 """Scenarios of a ground and an aerial robot together."""
 
 from dataclasses import dataclass
+from math import inf
 from typing import final
 
+from outrider.scenarios.crews import MethodName
 from outrider.scenarios.registry import Description, scenario
 
 
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tour:
-    """Speeds of the two robots [m/s]."""
+    """Speeds of the two robots [m/s];  method : of sharing;  loss (share), delay (s), radio_range (m) : of the radio;
+    ablate : whether to tell what each sensor was worth."""
 
     ugv_speed: float = 0.68
     uav_speed: float = 0.95
+    method: MethodName = "joint"
+    loss: float = 0.0
+    delay: float = 0.02
+    radio_range: float = inf
+    ablate: bool = False
 
 
 # East, north (and up) [m] once around the airliner: nose at (0, 1), tail at (0, 38.6), wing tips at (+-17, 24).
@@ -26,16 +34,22 @@ UAV = (
 )  # fmt: skip
 
 
+DRIFT = {"gyro_start": 0.005, "gyro_walk": 0.0, "accel_start": 0.05, "accel_walk": 0.0, "wheels_start": 0.0}
+
+
 @scenario("airliner-tour", tags=("cooperative", "open loop", "coop2024"))
 def airliner_tour(cfg: Tour) -> Description:
-    """A ground robot and a drone are carried around a parked airliner with every sensor of coop2024."""
+    """A ground robot and a drone are carried around a parked airliner with every sensor of coop2024, and share."""
     return {
         "duration_s": 180.0,
         "world": {"place": {"type": "parked_airliner"}},
+        "radio": {"loss": cfg.loss, "latency_s": cfg.delay, "range_m": cfg.radio_range},
+        "cooperation": {"method": cfg.method, "ablate": cfg.ablate},
         "team": {
             "ugv": {
                 "start": {"x": 0.0, "y": -2.0, "yaw_deg": 90.0},
                 "size": {"radius": 0.5, "height": 0.6},
+                "drift": DRIFT,
                 "sensors": [
                     *_common(0.01, (0.3, 0.2, 0.5)),
                     {"type": "body_twist", "name": "wheels", "rate_hz": 100.0, "sigma_v": 0.4, "sigma_w": 0.05,
@@ -47,6 +61,7 @@ def airliner_tour(cfg: Tour) -> Description:
             "uav": {
                 "start": {"x": 0.0, "y": -4.0, "z": 0.0, "yaw_deg": 90.0},
                 "size": {"radius": 0.35, "height": 0.25},
+                "drift": DRIFT,
                 "sensors": [
                     *_common(0.01, (0.0, 0.0, 0.15)),
                     {"type": "baro", "rate_hz": 100.0, "sigma": 0.25},

@@ -10,12 +10,9 @@ import numpy as np
 from pydantic import Field
 
 from outrider.core.solids import extent
-from outrider.data import Gaussian
 from outrider.errors import ConfigError
-from outrider.filters.cooperative import Member, Method
+from outrider.filters.cooperative import Method
 from outrider.guidance.flight import Flight, FlightRules
-from outrider.models import sensors as s
-from outrider.models.motion import LAYOUTS, DriftingRover, EulerBody, Motion
 from outrider.models.vehicles import AIR_INPUTS, Pad, Vehicle
 from outrider.planning.inspection import (
     Body,
@@ -29,13 +26,15 @@ from outrider.planning.inspection import (
     inspect,
     open_above,
 )
+from outrider.scenarios.crews import Heard, MethodName, crew_of
 from outrider.scenarios.navigation import Put, mount_matrix
 from outrider.scenarios.sections import Number, Part, inner_section, made_of
 from outrider.sim import sensors
+from outrider.sim.radio import Radio
 from outrider.sim.sensors.sight import number_of
 from outrider.sim.truth import EPOCH
 from outrider.sim.world import World
-from outrider.team.crew import Crew, Ear
+from outrider.team.crew import Crew
 from outrider.team.follow import Follower
 from outrider.team.inspector import Drone, Rover, Shots
 from outrider.typing import Floats
@@ -44,10 +43,6 @@ Positive = Annotated[Number, Field(gt=0)]
 ABOVE: Final = 2.0  # m between the top of everything and a drone that crosses it
 LEAST_ABOVE: Final = 2.5  # m above its pad at which the path of a drone begins
 STEP_S: Final = 0.5  # s of a path between looks at the sky
-START: Final = {
-    "position": 0.3, "heading": 0.02, "yaw": 0.02, "pitch": 0.01, "roll": 0.01, "velocity": 0.1, "yaw_rate": 0.1,
-}  # fmt: skip
-INF: Final = float("inf")
 
 
 class InspectMission(Part):
@@ -56,7 +51,7 @@ class InspectMission(Part):
     type: Literal["inspect"]
     half: Literal["lower", "upper"] = "lower"
     """What looks down, or what looks up."""
-    method: Literal["none", "local", "naive", "ci", "split_ci", "distributed", "joint"] = "joint"
+    method: MethodName = "joint"
     """How the team shares what its robots measure of one another; one for all."""
     camera: inner_section(Camera) = Field(default={}, validate_default=True)  # type: ignore[valid-type]
     pace: inner_section(Pace) = Field(default={}, validate_default=True)  # type: ignore[valid-type]
@@ -94,7 +89,9 @@ class Inspector:
         return self.vehicle.inputs == AIR_INPUTS
 
 
-def agents(robots: Mapping[str, Inspector], world: World) -> tuple[dict[str, Rover | Drone], dict[str, InspectionPlan]]:
+def agents(
+    robots: Mapping[str, Inspector], world: World, radio: Radio, seed: int
+) -> tuple[dict[str, Rover | Drone], dict[str, InspectionPlan]]:
     """The agents of all inspectors of a team, which share their estimates, and their plans.
 
     Raises ConfigError for a place without solids, a drone without a carrier, two methods, and where no path is found.
@@ -108,9 +105,8 @@ def agents(robots: Mapping[str, Inspector], world: World) -> tuple[dict[str, Rov
     if len(methods) > 1:
         raise ConfigError(f"methods {', '.join(sorted(methods))}", where="inspect", fix="one for all of the team")
     method = Method[methods.pop().upper()]
-    members = [_member(name, r, world) for name, r in robots.items()]
-    ears = {name: _ears(name, r, tuple(robots)) for name, r in robots.items()}
-    crew = Crew(members, ears, method, EPOCH, world.datum)
+    heard = {n: Heard(put=r.put, flies=r.flies, carried=r.carried, closed_loop=True) for n, r in robots.items()}
+    crew = crew_of(heard, method, world, radio, seed)
     plans = plan(robots, table)
     made = {n: (_drone if r.flies else _rover)(n, r, robots, plans[n], crew, table) for n, r in robots.items()}
     return made, plans
@@ -193,68 +189,3 @@ def _drone(
 
 def _high(table: Floats) -> float:
     return float(extent(table)[1, 2]) + ABOVE
-
-
-def _member(name: str, r: Inspector, world: World) -> Member:
-    """Its filter, of coop2024's models, with what it believes where it was put down."""
-    motion = Motion.EULER if r.flies else Motion.DRIFTING
-    model = EulerBody(acceleration=1.5, rate=0.6, gravity=world.gravity) if r.flies else DriftingRover()
-    layout = LAYOUTS[motion]
-    x, sd = layout.zeros(), np.zeros(layout.error_size)
-    x[layout.state("position")] = r.put[: 3 if r.flies else 2]
-    x[layout.state("yaw" if r.flies else "heading")] = r.put[3]
-    spread = {**START, "gyro_bias": 0.005, "accel_bias": 0.05}
-    if isinstance(model, EulerBody):
-        spread |= {"acceleration": model.acceleration, "euler_rate": model.rate}
-    for block, value in spread.items():
-        if block in layout:
-            sd[layout.error(block)] = value
-    return Member(name=name, motion=motion, model=model, belief=Gaussian(x, np.diag(sd**2), layout))
-
-
-def _ears(name: str, r: Inspector, team: tuple[str, ...]) -> tuple[Ear, ...]:
-    """How each sensor is heard; those of no use are not. ConfigError without a source of position."""
-    out: list[Ear] = []
-    for sensor in r.carried:
-        out += _ear(sensor, r.flies, [other for other in team if other != name])
-    if not any(isinstance(e.sensor, s.GnssPosition | s.MapPose) for e in out):
-        raise ConfigError("cannot tell where it is", where=f"robot {name}", fix="give it a gnss or object_pose")
-    return tuple(out)
-
-
-def _ear(sensor: Any, flies: bool, others: list[str]) -> list[Ear]:
-    mount = s.Mount.from_matrix(mount_matrix(sensor))
-    up = sensor.sigma_up if flies and hasattr(sensor, "sigma_up") else INF
-    if isinstance(sensor, sensors.Imu):
-        root = sensor.rate_hz**0.5
-        gyro, accel = sensor.gyro_density * root, sensor.accel_density * root
-        if not flies:
-            return [Ear(stream=sensor.name, sensor=s.Gyro(mount=mount), sigmas=(INF, INF, gyro), columns=(0, 3))]
-        return [
-            Ear(stream=sensor.name, sensor=s.Gyro(mount=mount), sigmas=(gyro,) * 3, columns=(0, 3)),
-            Ear(stream=sensor.name, sensor=s.SpecificForce(mount=mount), sigmas=(accel,) * 3, columns=(3, 6)),
-        ]
-    if isinstance(sensor, sensors.Gnss):
-        model = s.GnssPosition(mount=mount)
-        return [Ear(stream=sensor.name, sensor=model, sigmas=(sensor.sigma, sensor.sigma, up))]
-    if isinstance(sensor, sensors.GnssVelocity):
-        return [Ear(stream=sensor.name, sensor=s.GnssVelocity(mount=mount), sigmas=(sensor.sigma, sensor.sigma, up))]
-    if isinstance(sensor, sensors.Baro):
-        return [Ear(stream=sensor.name, sensor=s.Baro(), sigmas=(sensor.sigma,))] if flies else []
-    if isinstance(sensor, sensors.BodyTwist) and not flies:
-        v, w = sensor.sigma_v, sensor.sigma_w
-        return [Ear(stream=sensor.name, sensor=s.Twist(), sigmas=(v, v, INF, INF, INF, w))]
-    if isinstance(sensor, sensors.StereoVelocity):
-        sigmas = (sensor.sigma,) * 2 + (sensor.sigma if flies else INF,)
-        return [Ear(stream=sensor.name, sensor=s.BodyVelocity(), sigmas=sigmas, navigation=False)]
-    if isinstance(sensor, sensors.ObjectPose) and not flies:
-        sigmas = (sensor.sigma, sensor.sigma, sensor.sigma_angle)
-        return [Ear(stream=sensor.name, sensor=s.MapPose(), sigmas=sigmas, navigation=False)]
-    if isinstance(sensor, sensors.RobotCamera):
-        model, a = s.RelativePose(mount=mount), sensor.sigma_angle
-        sigmas = (sensor.sigma,) * 3 + (INF, INF, a)
-        return [
-            Ear(stream=sensor.name, sensor=model, sigmas=sigmas, partner=n, number=number_of(n), navigation=False)
-            for n in others
-        ]
-    return []

@@ -8,6 +8,7 @@ from pydantic import Field, create_model
 
 from outrider.io.checked import Flag, Whole
 from outrider.models.vehicles import Differential, Mecanum, Multirotor, Pad, Rotorcraft, Steered, Vehicle
+from outrider.scenarios.crews import MethodName
 from outrider.scenarios.driving import GotoMission
 from outrider.scenarios.following import FollowMission, LeadMission
 from outrider.scenarios.inspecting import InspectMission
@@ -226,6 +227,15 @@ class RobotSection(Part):
 RobotName: TypeAlias = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=40)]
 
 
+class CooperationSection(Part):
+    """What robots that share their estimates are told about it. Those that inspect name the method in their missions;
+    a team that is carried along tracks is estimated from its records."""
+
+    method: MethodName = "joint"
+    ablate: Flag = False
+    """Whether to estimate again without each of the sensors, to tell what it was worth."""
+
+
 class Scenario(Part):
     """A scenario: who moves where, feeling what, and what goes wrong."""
 
@@ -237,6 +247,7 @@ class Scenario(Part):
     world: WorldSection
     radio: inner_section(Radio) = Field(default={}, validate_default=True)  # type: ignore[valid-type]
     team: Annotated[dict[RobotName, RobotSection], Field(min_length=1)]
+    cooperation: CooperationSection | None = None
 
 
 __all__ = ["FAULTS", "PLACES", "SENSORS", "VEHICLES", "Scenario", "Table"]

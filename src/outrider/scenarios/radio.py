@@ -1,10 +1,9 @@
 """A team whose robots tell one another what they measure over a radio that loses, delays and shuffles."""
 
-import heapq
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias, final
+from typing import final
 
 import numpy as np
 
@@ -13,13 +12,9 @@ from outrider.filters.cooperative import FALSE_ALARM, Member, Method, Shared, So
 from outrider.filters.cooperative.fusion import Prepared, prepare
 from outrider.filters.cooperative.ledger import Relative
 from outrider.sim.radio import Air, Lost, Radio
-from outrider.team.exchange import Exchange, Refusal, Telegram
+from outrider.team.channel import Channel, Lie, Places, nowhere
+from outrider.team.exchange import Refusal
 from outrider.typing import Floats
-
-Places: TypeAlias = Callable[[float], Mapping[str, Floats]]
-"""True positions [m] at a time [s], for the range of the radio."""
-Lie: TypeAlias = Callable[[str, float, Telegram], Telegram]
-"""What a robot (name) says at a time [s] instead of what it knows."""
 
 
 @final
@@ -57,16 +52,14 @@ def fuse_by_radio(
     patience : s, for how long a meeting waits for news of it
     """
     ready = prepare(members, sources, Method.DISTRIBUTED, t, shared=shared, start=start, false_alarm=false_alarm)
-    mates = ready.mates(patience)
-    names = tuple(m.name for m in members)
-    ends = [Exchange(mate, names) for mate in mates]
+    mates, names = ready.mates(patience), tuple(m.name for m in members)
     air = Air(radio, names, seed, 0)
-    here = places or _together(names)
-    due: list[tuple[float, int]] = []
+    channel = Channel(mates, names, air, places or nowhere(names), lie=lie)
     for met in _by_time(ready):
-        _receive(ends, air, due, met[0].t)
-        _meet(ends, air, due, met, here, lie)
-    _receive(ends, air, due, ready.end)
+        channel.receive(met[0].t)
+        channel.meet(met)
+    channel.receive(ready.end)
+    ends = channel.ends
     out = np.full((ready.records.t.size, 3), np.nan)
     ready.finish(out)
     for e in np.flatnonzero(ready.whom[ready.records.source] >= 0).tolist():
@@ -81,15 +74,6 @@ def fuse_by_radio(
     )  # fmt: skip
 
 
-def _together(names: Sequence[str]) -> Places:
-    """Everybody in one place, for a radio without end."""
-
-    def here(t: float) -> Mapping[str, Floats]:
-        return dict.fromkeys(names, np.zeros(3))
-
-    return here
-
-
 def _by_time(ready: Prepared) -> list[list[Relative]]:
     out: list[list[Relative]] = []
     for e in ready.meetings():
@@ -99,39 +83,3 @@ def _by_time(ready: Prepared) -> list[list[Relative]]:
         else:
             out.append([seen])
     return out
-
-
-def _meet(
-    ends: Sequence[Exchange], air: Air, due: list[tuple[float, int]], met: Sequence[Relative], here: Places,
-    lie: Lie | None,
-) -> None:  # fmt: skip
-    """All meetings of one time: both make a node, the observer notes its record, and both send."""
-    now = met[0].t
-    pairs = sorted({tuple(sorted((r.observer, r.observed))) for r in met})
-    for r in met:
-        for m, partner in ((r.observer, r.observed), (r.observed, r.observer)):
-            ends[m].mate.own.run(now)
-            ends[m].mate.close(partner)
-        ends[r.observer].mate.note(r)
-    for m in sorted({m for pair in pairs for m in pair}):
-        ends[m].mate.settle()
-    for pair in pairs:
-        for m, partner in (pair, pair[::-1]):
-            name = ends[partner].name
-            telegram = ends[m].telegram(name)
-            if lie is not None:
-                telegram = lie(ends[m].name, now, telegram)
-            for delivery in air.send(ends[m].post(name, telegram), here(now)):
-                if delivery.t is not None:
-                    heapq.heappush(due, (delivery.t * 1e-9, partner))
-
-
-def _receive(ends: Sequence[Exchange], air: Air, due: list[tuple[float, int]], until: float) -> None:
-    """Let arrive what arrives up to a time, each robot having run to it."""
-    while due and due[0][0] <= until:
-        now, robot = heapq.heappop(due)
-        end = ends[robot]
-        end.mate.own.run(now)
-        for message in air.receive(end.name, round(now * 1e9)):
-            end.receive(message, now)
-        end.mate.settle()

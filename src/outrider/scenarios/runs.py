@@ -24,6 +24,7 @@ from outrider.scenarios.files import scenario_text
 from outrider.scenarios.followed import pursuit, pursuit_figures, write_pictures
 from outrider.scenarios.inspected import inspection, write_picture
 from outrider.scenarios.parts import Scenario
+from outrider.scenarios.sharing import sharing
 from outrider.sim.engine import Ending, Simulation
 from outrider.sim.monitor import Closest
 from outrider.sim.radio import Lost
@@ -167,6 +168,7 @@ def summarise(done: Done) -> dict[str, Any]:
         "mission": mission(done.cast, run),
         "inspection": inspection(done.cast, run),
         "pursuit": pursuit(done.cast, run),
+        "cooperation": sharing(done.cast, run),
         "messages": {
             "sent": run.air.sent,
             "lost": {reason.name.lower(): run.air.lost[reason] for reason in Lost if run.air.lost[reason]},

@@ -172,12 +172,7 @@ class Prepared:
 
     def mates(self, patience: float = np.inf) -> list[Teammate]:
         """Everybody with a ledger of the team."""
-        out: list[Teammate] = []
-        for i, f in enumerate(self.filters):
-            team = Filter(self.members, [], NO_RECORDS, np.zeros(0), self.start, gate=self.gate)
-            _correlate(team, self.common)
-            out.append(Teammate(i, f, team, self.start, patience=patience))
-        return out
+        return teammates(self.members, self.filters, self.start, self.gate, common=self.common, patience=patience)
 
     def finish(self, out: Floats) -> None:
         """Run everybody to the end; out (records, 3) <- what became of each robot's own records."""
@@ -255,6 +250,25 @@ def _apart(ready: Prepared, method: Method) -> tuple[Sequence[Filter], Floats]:
             out[e] = fuse_pair(method, filters, i, j, seen.code, seen.theta, seen.z, seen.r)
     ready.finish(out)
     return filters, out
+
+
+def teammates(
+    members: Sequence[Member],
+    filters: Sequence[Filter],
+    start: float,
+    gate: Floats,
+    *,
+    common: Sequence[tuple[int, int, Floats]] = (),
+    patience: float = np.inf,
+) -> list[Teammate]:
+    """A ledger of the team for each robot's own filter, which carries. common : see `Prepared`;  patience : see
+    `Teammate`"""
+    out: list[Teammate] = []
+    for i, f in enumerate(filters):
+        team = Filter(members, [], NO_RECORDS, np.zeros(0), start, gate=gate)
+        _correlate(team, common)
+        out.append(Teammate(i, f, team, start, patience=patience))
+    return out
 
 
 def fuse_pair(

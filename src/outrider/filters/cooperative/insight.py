@@ -1,6 +1,6 @@
 """What a team's estimate says of its sensors: who agrees with whom, and what nothing has measured."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, final
 
@@ -9,7 +9,8 @@ from scipy.special import chdtri
 
 from outrider.data import Verdict
 from outrider.filters.cooperative.fusion import TeamEstimate
-from outrider.filters.cooperative.robot import Source
+from outrider.filters.cooperative.robot import Member, Source
+from outrider.typing import Floats
 
 BAND: Final = 0.95
 UNTOLD: Final = 0.98  # of its first variance: what is left of it if nothing was learnt
@@ -33,34 +34,44 @@ class Agreement:
     inside: float
 
 
+def agreement(robot: str, sensor: str, partner: str, rows: Floats) -> Agreement:
+    """From rows (n, 3) of verdict, NIS and degrees of freedom."""
+    verdict, nis, dof = rows.T
+    used = (verdict == Verdict.USED) & (dof > 0)
+    nis, dof = nis[used], dof[used]
+    told = nis.size > 0
+    return Agreement(
+        robot=robot, sensor=sensor, partner=partner, used=int(used.sum()),
+        refused=int(np.isin(verdict, [Verdict.GATED, Verdict.DIVERGED]).sum()),
+        nis=float(nis.sum() / dof.sum()) if told else float("nan"),
+        inside=float(np.mean(nis <= chdtri(dof, 1.0 - BAND))) if told else float("nan"),
+    )  # fmt: skip
+
+
 def agreements(done: TeamEstimate, sources: Sequence[Source]) -> list[Agreement]:
     """One row for each source that measures, in the order of the sources."""
-    out: list[Agreement] = []
-    for k, s in enumerate(sources):
-        if s.sensor is None:
-            continue
-        mine = done.source == k
-        used = mine & (done.verdict == Verdict.USED) & (done.dof > 0)
-        refused = mine & np.isin(done.verdict, [Verdict.GATED, Verdict.DIVERGED])
-        dof, nis = done.dof[used], done.nis[used]
-        told = nis.size > 0
-        out.append(
-            Agreement(
-                robot=s.robot, sensor=s.sensor.code.name.lower(), partner=s.partner, used=int(used.sum()),
-                refused=int(refused.sum()), nis=float(nis.sum() / dof.sum()) if told else float("nan"),
-                inside=float(np.mean(nis <= chdtri(dof, 1.0 - BAND))) if told else float("nan"),
-            )
-        )  # fmt: skip
-    return out
+    rows: Floats = np.column_stack([done.verdict, done.nis, done.dof]).astype(np.float64)
+    return [
+        agreement(s.robot, s.sensor.code.name.lower(), s.partner, rows[done.source == k])
+        for k, s in enumerate(sources)
+        if s.sensor is not None
+    ]
 
 
 def unobserved(done: TeamEstimate) -> list[str]:
     """A sentence for each block of which the run has told nothing: no variance of it is below what it was at first."""
+    return untold(list(done.members.values()), {name: np.diag(P[-1]) for name, P in done.P.items()})
+
+
+def untold(members: Sequence[Member], last: Mapping[str, Floats]) -> list[str]:
+    """As `unobserved`, from the last variances (errors,) of each robot."""
     out: list[str] = []
-    for name, m in done.members.items():
-        first, last = np.diag(m.belief.P), np.diag(done.P[name][-1])
+    for m in members:
+        first = np.diag(m.belief.P)
         for block in m.belief.layout:
             e = block.error
-            if block.name not in m.consider and first[e].max() > 0.0 and (last[e] >= UNTOLD * first[e]).all():
-                out.append(f"{block.name} of {name}: nothing has measured it; add a sensor, or a partner that has one")
+            if block.name not in m.consider and first[e].max() > 0.0 and (last[m.name][e] >= UNTOLD * first[e]).all():
+                out.append(
+                    f"{block.name} of {m.name}: nothing has measured it; add a sensor, or a partner that has one"
+                )
     return out

@@ -101,6 +101,7 @@ class Filter:
     x, P : state and covariance of all members;  Psi, told, heard : see `group`, if it `carries` them
     factors : partner -> s_ij with P_ij = s_ij s_ji';  mixed : whether there are correlations that it does not know
     before : covariance after the last exchange
+    blows : what no record tells, by time: s, rows of the error, variance that it adds to each
     """
 
     def __init__(
@@ -124,6 +125,7 @@ class Filter:
         self.before = np.zeros((n, n))
         self.x, self.P = np.zeros((at.size, self.belief.x.size)), np.zeros((at.size, n, n))
         self.out = np.full((records.t.size, 3), np.nan)
+        self.blows: list[tuple[float, Ints, float]] = []
         self._next = self._kept = 0
 
     @property
@@ -133,6 +135,13 @@ class Filter:
 
     def run(self, until: float) -> None:
         """Take the records up to `until` [s], which count with those of that time, and predict to it."""
+        for t, rows, variance in self.blows:
+            if self.belief.clock[0] < t <= until:
+                self._run(t)
+                self.belief.P[rows, rows] += variance
+        self._run(until)
+
+    def _run(self, until: float) -> None:
         r, first = self.records, self._next
         last = int(np.searchsorted(r.t, until, side="right"))
         part = slice(first, last)
@@ -155,6 +164,15 @@ class Filter:
         """Further records instead of those that it has taken; their verdicts are in `out`."""
         self.records, self._next = records, 0
         self.out = np.full((records.t.size, 3), np.nan)
+
+    def extend(self, records: Records) -> None:
+        """Further records after those that it has, which stay for `restore` to come back to."""
+        old = self.records
+        self.records = Records(
+            t=np.concatenate([old.t, records.t]), source=np.concatenate([old.source, records.source]),
+            z=np.concatenate([old.z, records.z]), r=np.concatenate([old.r, records.r]),
+        )  # fmt: skip
+        self.out = np.concatenate([self.out, np.full((records.t.size, 3), np.nan)])
 
     def view(self) -> tuple[Floats, Floats]:
         """Kinematic view k of the one member, and its Jacobian K (T_SIZE, n)."""
