@@ -8,6 +8,7 @@ from outrider.guidance.flight import Phase
 from outrider.scenarios.build import build
 from outrider.scenarios.files import load_scenario
 from outrider.scenarios.inspected import inspection
+from outrider.scenarios.sharing import sharing
 
 SHORT = {"duration": 40.0, "team.ugv.mission.density": 1.0, "team.uav.mission.density": 1.0}
 
@@ -28,8 +29,10 @@ def test_the_drone_returns_lands_on_the_pad_and_leaves_again():
     told = [n.text for n in run.notes if n.robot == "uav"]
     assert any("battery at" in text for text in told)
     assert sum(text.startswith(Phase.CLIMB.value) for text in told) >= 2
-    for r in done["robots"].values():
-        assert r["position_m"] < 0.3 and r["nees_per_dof"] < 2.5
+    shared = sharing(cast, run)
+    assert shared is not None
+    for name, r in done["robots"].items():
+        assert shared["robots"][name]["position_m"] < 0.3 and shared["robots"][name]["nees_per_dof"] < 2.5
         assert 0.0 < r["coverage"]["achieved"] <= r["coverage"]["reachable"] + 0.05
     assert all(c.distance > 0.1 for c in run.monitor.clearances.values())
 

@@ -8,6 +8,7 @@ from outrider.errors import ConfigError
 from outrider.filters.cooperative import Member, Method, Source, fuse_team
 from outrider.models import sensors as s
 from outrider.models.motion import LAYOUTS, DriftingRover, Motion
+from outrider.sim.radio import Air, Radio
 from outrider.team.crew import Crew, Ear
 
 LAYOUT = LAYOUTS[Motion.DRIFTING]
@@ -78,9 +79,7 @@ def test_step_by_step_is_the_same_as_at_once(method):
         assert np.abs(mine[:, 3] - theirs[:, LAYOUT.state("heading")][:, 0]).max() < 1e-9
         P = np.array(crew.kept[name].P)[:, [0, 1, 3]][:, :, [0, 1, 3]]
         assert np.abs(P - whole.pose_covariance(name)).max() < 1e-9
-    assert sum(a.used for a in crew.agreements()) == sum(
-        n for v, n in whole.counts().items() if v.name == "USED"
-    )
+    assert sum(a.used for a in crew.agreements()) == sum(n for v, n in whole.counts().items() if v.name == "USED")
 
 
 def test_nobody_hears_of_what_has_not_been_handed_in():
@@ -108,3 +107,63 @@ def test_a_partner_that_is_nobody_is_named():
     ear = Ear(stream="eye", sensor=s.RelativePose(), sigmas=SEEN, partner="zoe", number=1.0)
     with pytest.raises(ConfigError, match="no robot 'zoe'"):
         Crew(team(), {"a": (ear,), "b": ()}, Method.DISTRIBUTED, START, Datum(lat=0.8, lon=0.1, alt=0.0))
+
+
+def through(method, radio, until=4.4):
+    """A crew that has heard everything by radio, and a while after."""
+    data, ears = records("ab"), {}
+    for name, other in (("a", "b"), ("b", "a")):
+        ears[name] = (
+            Ear(stream="fix", sensor=s.Position(), sigmas=FIX),
+            Ear(stream="eye", sensor=s.RelativePose(), sigmas=SEEN, partner=other, number=1.0),
+        )
+    air = None if radio is None else Air(radio, ("a", "b"), 1, 0)
+    crew = Crew(team(), ears, method, START, Datum(lat=0.8, lon=0.1, alt=0.0), air)
+    stamps = START + np.rint(data["a"][0] * 1e9).astype(np.int64)
+    log = {n: [stream("fix", Kind.POSITION, stamps, data[n][1]), stream("eye", Kind.RELATIVE_POSE, stamps, data[n][2])]
+           for n in "ab"}  # fmt: skip
+    crew.hear_again(log, 0.2, until)
+    return crew
+
+
+def last(crew):
+    return np.array([crew.kept[n].pose[-1] for n in "ab"]), np.array([crew.kept[n].P[-1] for n in "ab"])
+
+
+def test_what_is_late_counts_as_if_it_had_come_at_once():
+    """Meetings at 0.1 s, telegrams 0.25 s late: all of them heard a while after the last. Points of linearisation
+    differ, so not to the last digit."""
+    late, exact = through(Method.DISTRIBUTED, Radio(latency_s=0.25)), through(Method.JOINT, None)
+    for mine, theirs in zip(last(late), last(exact), strict=True):
+        np.testing.assert_allclose(mine, theirs, atol=2e-3)
+    assert not late.exchange["refused"] and late.exchange["telegrams"] == 80
+    assert np.abs(last(through(Method.LOCAL, None))[0] - last(exact)[0]).max() > 0.02
+
+
+@pytest.mark.parametrize("method", [Method.DISTRIBUTED, Method.CI, Method.NAIVE])
+def test_without_any_telegram_everybody_is_alone(method):
+    deaf, alone = through(method, Radio(loss=1.0)), through(Method.LOCAL, None)
+    for mine, theirs in zip(last(deaf), last(alone), strict=True):
+        np.testing.assert_allclose(mine, theirs, atol=1e-9)
+    assert deaf.exchange["lost"] == {"chance": deaf.exchange["telegrams"]}
+    assert sum(a.used for a in deaf.agreements() if a.partner) == 0
+
+
+def test_a_radio_reaches_as_far_as_it_does():
+    """The robots stand 3 m apart."""
+    near, far = (through(Method.CI, Radio(range_m=r)) for r in (4.0, 2.0))
+    assert near.exchange["lost"] == {} and set(far.exchange["lost"]) == {"range"}
+
+
+def test_a_blow_stays_when_late_news_are_worked_in():
+    """Telegrams come 0.25 s late: the robot takes its records once more from the meeting, the blow included."""
+    grown = []
+    for method, radio in ((Method.LOCAL, None), (Method.DISTRIBUTED, Radio(latency_s=0.25, loss=0.0))):
+        crew = through(method, radio, until=3.0)
+        before = crew.now("a", START + 3 * 10**9).P[0, 0]
+        crew.jolt("a", 5.0, 0.0)
+        for k in (16, 17):
+            for name in "ab":
+                crew.take(name, START + round(0.2 * k * 1e9), [])
+        grown.append(np.sqrt(crew.now("a", START + round(3.4e9)).P[0, 0] - before))
+    assert grown[1] > 0.02 and grown[1] <= grown[0] + 1e-9

@@ -238,9 +238,10 @@ def _finite(n: News) -> bool:
 
 
 def _positive(M: Floats) -> bool:
-    """Whether a symmetric matrix has no eigenvalue below zero, to rounding, whatever the units of its rows."""
+    """Whether a symmetric matrix has no eigenvalue below zero, to rounding, whatever the units of its rows. What is
+    left of the covariance of two nodes close to each other is rounding, some 1e-14, of either sign."""
     d = np.diag(M)
     if (d < -1e-9 * max(1.0, float(np.abs(d).max(initial=0.0)))).any():
         return False
-    scale = np.sqrt(np.maximum(d, 1e-12))
+    scale = np.sqrt(np.maximum(d, 1e-9))
     return bool(np.linalg.eigvalsh(M / np.outer(scale, scale))[0] > -1e-3)
