@@ -28,6 +28,8 @@ Task: TypeAlias = tuple[int, int, dict[str, object]]
 """Index of the case, seed, parameters of the case."""
 
 DIED = "the process that ran it died, twice"
+KILLED = "the workers that ran it died, one after the other"
+LOST = (DIED, KILLED)  # no fault of the trial: it runs again when a campaign is gone on with
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 

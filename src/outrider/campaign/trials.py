@@ -18,7 +18,7 @@ from typing import Any, TypeAlias, cast, final
 import numpy as np
 
 import outrider
-from outrider.campaign.pool import DIED, Record, Task, find, here, in_processes
+from outrider.campaign.pool import LOST, Record, Task, find, here, in_processes
 from outrider.errors import UsageError
 from outrider.io.folders import plain
 from outrider.io.trials import TrialStore
@@ -82,6 +82,7 @@ def run_trials(
     seeds: int | Sequence[int],
     *,
     workers: int = 0,
+    scheduler: str = "",
     store: Path | None = None,
     resume: bool = False,
     progress: Progress | None = None,
@@ -91,6 +92,7 @@ def run_trials(
     cases : parameters of each case, plain values (numbers, words, lists); see `grid`
     seeds : how many (0, 1, ...), or which
     workers : processes; 0 runs here, one after the other. With spawned processes a script needs its `__main__` guard
+    scheduler : address of a Dask cluster that runs them instead, see `outrider.campaign.cluster`
     store : folder in which every row is kept as it ends, see `outrider.io.trials`
     resume : go on with the trials of `store` that are missing; further seeds may be asked for. Trials whose process
         died run again, those that raised do not
@@ -112,11 +114,11 @@ def run_trials(
         if store is not None:
             configuration = {"trial": name, "cases": plain_cases, "code": _code(trial)}
             kept = stack.enter_context(TrialStore(store, configuration, resume=resume))
-            stored = {(r["case"], r["seed"]): r for r in reversed(kept.rows) if r["error"] != DIED}
+            stored = {(r["case"], r["seed"]): r for r in reversed(kept.rows) if r["error"] not in LOST}
             done = {key: stored[key] for key in order if key in stored}
         tasks: list[Task] = [(c, s, plain_cases[c]) for c, s in order if (c, s) not in done]
         try:
-            with closing(_rows(trial, name, tasks, workers)) as rows:
+            with closing(_rows(trial, name, tasks, workers, scheduler)) as rows:
                 for row in rows:
                     if kept is not None:
                         kept.append(row)
@@ -132,7 +134,13 @@ def run_trials(
     return Trials(cases=tuple(plain_cases), seeds=wanted, rows=tuple(_row(r) for r in records))
 
 
-def _rows(trial: Trial, name: str, tasks: Sequence[Task], workers: int) -> Generator[Record, None, None]:
+def _rows(
+    trial: Trial, name: str, tasks: Sequence[Task], workers: int, scheduler: str
+) -> Generator[Record, None, None]:
+    if scheduler and tasks:
+        from outrider.campaign.cluster import in_cluster
+
+        return in_cluster(name, tasks, scheduler, _code(trial))
     if not workers or not tasks:
         return here(trial, tasks)
     from outrider._kernel import is_warm  # imports the compiler
@@ -185,6 +193,11 @@ def _name(trial: Trial) -> str:
     except (ImportError, AttributeError, ValueError):
         pass
     raise UsageError(f"{trial!r} cannot be imported by its name", fix="a trial is a plain function of a module")
+
+
+def code_of(name: str) -> dict[str, str]:
+    """What a trial, "module:function", is computed with in this process."""
+    return _code(find(name))
 
 
 def _code(trial: Trial) -> dict[str, str]:

@@ -1,0 +1,60 @@
+"""A Dask cluster on this machine: the same bits, and nothing lost when a worker dies in the middle."""
+
+import socket
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from trial_functions import deadly, drift
+
+from outrider.campaign import grid, run_trials
+from outrider.campaign.pool import KILLED
+from outrider.errors import UsageError
+from outrider.io.trials import TABLE
+
+distributed = pytest.importorskip("distributed")
+HERE = str(Path(__file__).parent)
+
+
+@pytest.fixture(scope="module")
+def address() -> Iterator[str]:
+    options: dict[str, Any] = {"n_workers": 2, "threads_per_worker": 2, "dashboard_address": None, "silence_logs": 60}
+    settings = {"distributed.scheduler.allowed-failures": 1, "distributed.nanny.pre-spawn-environ.PYTHONPATH":
+                ":".join([HERE, *(p for p in sys.path if p)])}  # fmt: skip
+    import dask
+
+    with dask.config.set(settings), distributed.LocalCluster(**options) as cluster:
+        yield cluster.scheduler_address
+
+
+def test_a_cluster_gives_the_bytes_of_one_process(address: str, tmp_path: Path) -> None:
+    cases = grid(sigma=[0.5, 2.0], model=["a", "b"])
+    run_trials(drift, cases, 3, store=tmp_path / "here")
+    run_trials(drift, cases, 3, store=tmp_path / "there", scheduler=address)
+    assert (tmp_path / "here" / TABLE).read_bytes() == (tmp_path / "there" / TABLE).read_bytes()
+
+
+def test_a_worker_that_dies_loses_no_trial(address: str, tmp_path: Path) -> None:
+    marks = tmp_path / "marks"
+    marks.mkdir()
+    params = {"once": [2], "always": [5], "marks": str(marks)}
+    trials = run_trials(deadly, [params], 8, store=tmp_path / "s", scheduler=address)
+    assert [r.seed for r in trials.rows] == list(range(8))
+    assert (marks / "2").exists()  # its worker was killed in the middle of it
+    assert {r.seed: r.error for r in trials.failed}.get(5) == KILLED
+    assert {r.seed for r in trials.rows if not r.error} >= {0, 1, 2, 3, 4, 6, 7} - {r.seed for r in trials.failed}
+    # what a death took along runs again when gone on with, the deadly one alone fails
+    again = run_trials(deadly, [params], 8, store=tmp_path / "s", scheduler=address, resume=True)
+    assert {r.seed for r in again.failed} <= {r.seed for r in trials.failed}
+
+
+def test_a_scheduler_that_does_not_answer_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("outrider.campaign.cluster.PATIENCE", 1.0)
+    with socket.socket() as s:
+        s.bind(("127.0.0.1", 0))
+        address = f"tcp://127.0.0.1:{s.getsockname()[1]}"
+    with pytest.raises(UsageError, match="no scheduler answers") as e:
+        run_trials(drift, [{"sigma": 1.0}], 1, scheduler=address)
+    assert "\n" not in str(e.value)
