@@ -12,8 +12,23 @@ LAW = Pursuit(speed=2.5, gain=0.5, brake=1.0)
 
 
 def test_goes_along_at_the_set_point() -> None:
-    for w in ([2.0, 0, 0], [0, -1.0, 0.5], [0, 0, 0]):
-        np.testing.assert_allclose(pursued(np.zeros(3), [3.0, 0, 4.0, *w], 5.0, LAW), w, atol=1e-12)
+    for w in ([2.0, 0, 0], [1.0, 0, 0.5], [0, 0, 0]):
+        np.testing.assert_allclose(pursued(np.zeros(3), [5.0, 0, 0, *w], 5.0, LAW), w, atol=1e-12)
+
+
+def test_swings_to_behind_the_target_on_its_level() -> None:
+    for start in ([0, 5.0, 0], [4.0, 0, 3.0], [0, 0, -5.0]):
+        p, v, q, w = np.array(start), np.zeros(3), np.zeros(3), np.array([2.0, 0.0, 0.0])
+        nearest = 5.0
+        for _ in range(600):
+            u = pursued(p, np.r_[q, w], 5.0, LAW)
+            v += (u - v) * (1.0 - np.exp(-0.1 / 0.5))
+            p, q = p + 0.1 * v, q + 0.1 * w
+            nearest = min(nearest, float(np.linalg.norm(q - p)))
+        np.testing.assert_allclose(q - p, [5.0, 0.0, 0.0], atol=0.05)
+        assert nearest > 3.5
+    stays = Pursuit(speed=2.5, astern=0.0)
+    np.testing.assert_allclose(pursued(np.zeros(3), [0, 5.0, 0, 2.0, 0, 0], 5.0, stays), [2.0, 0, 0], atol=1e-12)
 
 
 def test_predicts_over_the_age_of_what_it_knows() -> None:
@@ -29,7 +44,8 @@ def test_keeps_its_speed_and_turns_with_the_world(seed: int) -> None:
     p, q, w = rng.normal(size=(3, 3)) * [[5.0], [5.0], [1.5]]
     u = pursued(p, np.r_[q, w], 4.0, LAW)
     assert np.linalg.norm(u) <= 2.5 + 1e-9
-    R = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    c, s = np.cos(seed), np.sin(seed)
+    R = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])  # up is up: it swings to the target's level
     np.testing.assert_allclose(pursued(R @ p, np.r_[R @ q, R @ w], 4.0, LAW), R @ u, atol=1e-9)
 
 
@@ -59,8 +75,8 @@ def test_a_target_that_outruns_it_is_followed_at_full_speed() -> None:
     np.testing.assert_allclose(u, [2.5, 0, 0], atol=1e-12)
 
 
-def test_over_the_target_it_goes_along() -> None:
-    np.testing.assert_allclose(pursued(np.zeros(3), [0, 0, 0, 1.0, 0, 0], 5.0, LAW), [1.0, 0, 0])
+def test_at_the_very_place_of_the_target_it_falls_back() -> None:
+    np.testing.assert_allclose(pursued(np.zeros(3), [0, 0, 0, 1.0, 0, 0], 5.0, LAW), [0.5, 0, 0])
 
 
 def test_impossible_numbers_are_refused() -> None:

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from outrider.errors import ConfigError
-from outrider.safety.separation import Hold, Separation, kept_apart, largest_approach
+from outrider.safety.separation import Hold, Separation, kept_apart, largest_approach, lowest
 
 SMALL = settings(max_examples=60, deadline=None)
 LIKE = Separation(distance=3.0, period_s=0.1, lag_s=1.0, acceleration=5.0, speed=2.5, other_lag_s=1.0)
@@ -18,7 +18,7 @@ LIKE = Separation(distance=3.0, period_s=0.1, lag_s=1.0, acceleration=5.0, speed
 @given(st.floats(0.1, 40.0), st.floats(0.5, 5.0), st.floats(0.05, 1.0))
 def test_equals_the_exact_stopping_distance_in_one_dimension(gap: float, b: float, period: float) -> None:
     limits = Separation(distance=3.0, period_s=period, lag_s=0.0, acceleration=b, speed=30.0, other_lag_s=0.0)
-    u = largest_approach(3.0 + gap, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, limits.theta())
+    u = largest_approach(3.0 + gap, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, limits.theta())
     assert u * period + 0.5 * u * u / b == pytest.approx(gap, rel=1e-4)
 
 
@@ -30,10 +30,11 @@ def test_flying_the_admissible_command_and_braking_holds_the_distance(
     limits = Separation(
         distance=3.0, period_s=0.3, lag_s=0.6, acceleration=3.0, speed=2.5, other_lag_s=0.8, approach=approach
     )
-    u = largest_approach(gap, v, s, age, 0.0, 0.0, 0.0, limits.theta())
+    low = min(s, -approach)
+    u = largest_approach(gap, v, s, low, age, 0.0, 0.0, 0.0, limits.theta())
     if not -2.5 <= u <= 2.5:
         return
-    h, x, low = 0.002, 0.0, min(s, -approach)
+    h, x = 0.002, 0.0
     lost = min(0.0, other(gap, s, low, 0.8, age) - 3.0)
     for k in range(3000):
         t = k * h
@@ -75,7 +76,8 @@ def test_never_closes_faster_than_the_barrier_and_never_than_wanted(seed: int) -
     out, hold = kept_apart(want, np.r_[np.zeros(3), v], np.r_[q, w], LIKE, age_s=0.5)
     rest = q + w * (1.0 - exp(-0.5))
     n = rest / np.linalg.norm(rest)
-    most = largest_approach(float(n @ q), float(n @ v), float(n @ w), 0.5, 0.0, 0.0, 0.0, LIKE.theta())
+    low = lowest(float(n @ w), float(np.linalg.norm(w)), LIKE.theta())
+    most = largest_approach(float(n @ q), float(n @ v), float(n @ w), low, 0.5, 0.0, 0.0, 0.0, LIKE.theta())
     assert out @ n <= max(min(want @ n, most), -2.5) + 1e-9
     assert hold is not Hold.FREE or np.array_equal(out, want)
     if hold is not Hold.FREE:
@@ -85,14 +87,14 @@ def test_never_closes_faster_than_the_barrier_and_never_than_wanted(seed: int) -
 
 
 @SMALL
-@given(st.floats(3.0, 15.0), st.floats(0.0, 2.5), st.floats(0.0, 2.5))
+@given(st.floats(3.0, 15.0), st.floats(0.0, 2.5), st.floats(0.2, 2.5))
 def test_less_is_admitted_the_nearer_faster_older_and_vaguer(gap: float, v: float, s: float) -> None:
     theta = LIKE.theta()
-    u = largest_approach(gap, v, s, 0.5, 0.01, 0.0, 0.01, theta)
-    assert largest_approach(gap - 0.1, v, s, 0.5, 0.01, 0.0, 0.01, theta) < u
-    assert largest_approach(gap, v + 0.1, s, 0.5, 0.01, 0.0, 0.01, theta) < u
-    assert largest_approach(gap, v, s - 0.1, 0.5, 0.01, 0.0, 0.01, theta) < u
-    assert largest_approach(gap, v, s, 0.5, 0.04, 0.0, 0.04, theta) < u
+    u = largest_approach(gap, v, s, 0.0, 0.5, 0.01, 0.0, 0.01, theta)
+    assert largest_approach(gap - 0.1, v, s, 0.0, 0.5, 0.01, 0.0, 0.01, theta) < u
+    assert largest_approach(gap, v + 0.1, s, 0.0, 0.5, 0.01, 0.0, 0.01, theta) < u
+    assert largest_approach(gap, v, s - 0.1, 0.0, 0.5, 0.01, 0.0, 0.01, theta) < u
+    assert largest_approach(gap, v, s, 0.0, 0.5, 0.04, 0.0, 0.04, theta) < u
 
 
 def test_a_target_that_may_come_back_needs_more() -> None:
@@ -103,11 +105,21 @@ def test_a_target_that_may_come_back_needs_more() -> None:
     assert kept_apart(want, own, target, back, age_s=0.5)[1] is Hold.CANNOT_HOLD
 
 
+@SMALL
+@given(st.floats(0.0, 3.0), st.floats(0.0, np.pi), st.floats(0.0, np.pi), st.floats(0.0, 2.0))
+def test_the_worst_of_all_turns(speed: float, phi: float, turn: float, approach: float) -> None:
+    """Against every turn that is allowed, one by one."""
+    theta = Separation(distance=3.0, speed=2.5, approach=approach, turn=turn).theta()
+    along = [speed * np.cos(phi + a) for a in np.linspace(-turn, turn, 721)]
+    worst = min(*along, -approach)
+    assert lowest(speed * np.cos(phi), speed, theta) == pytest.approx(worst, abs=1e-4 * speed + 1e-9)
+
+
 def test_every_word_is_said() -> None:
     want, at = np.array([2.0, 0.0, 0.0]), np.zeros(6)
     slow = Separation(distance=3.0, lag_s=0.1, speed=2.5, other_lag_s=0.0)
-    words = {gap: kept_apart(want, at, [gap, 0, 0, 0, 0, 0], slow)[1] for gap in (9.0, 3.2, 2.99, 2.0)}
-    assert words == {9.0: Hold.FREE, 3.2: Hold.LIMITED, 2.99: Hold.RETREATING, 2.0: Hold.CANNOT_HOLD}
+    words = {gap: kept_apart(want, at, [gap, 0, 0, 0, 0, 0], slow)[1] for gap in (9.0, 3.2, 2.9, 0.3)}
+    assert words == {9.0: Hold.FREE, 3.2: Hold.LIMITED, 2.9: Hold.RETREATING, 0.3: Hold.CANNOT_HOLD}
 
 
 @pytest.mark.parametrize("hole", range(5))
@@ -158,6 +170,6 @@ def test_an_other_as_fast_as_the_follower_is_refused() -> None:
 def test_spread_is_taken_where_the_other_comes_to_rest() -> None:
     """One standard deviation of speed is worth lag metres once it rests: exact for an old fix."""
     theta = Separation(distance=3.0, lag_s=0.0, acceleration=2.0, speed=9.0, other_lag_s=1.5, sigmas=2.0).theta()
-    sure = largest_approach(10.0, 0.0, 1.0, 60.0, 0.0, 0.0, 0.0, theta)
-    vague = largest_approach(10.0 + 2.0 * sqrt(0.01 + 1.5**2 * 0.04), 0.0, 1.0, 60.0, 0.01, 0.0, 0.04, theta)
+    sure = largest_approach(10.0, 0.0, 1.0, 0.0, 60.0, 0.0, 0.0, 0.0, theta)
+    vague = largest_approach(10.0 + 2.0 * sqrt(0.01 + 1.5**2 * 0.04), 0.0, 1.0, 0.0, 60.0, 0.01, 0.0, 0.04, theta)
     assert vague == pytest.approx(sure, rel=1e-9)

@@ -2,7 +2,7 @@
 
 Along the line of sight n, from the follower to where the other would be by now had it braked at its last fix, the
 follower answers its command u with a lag for one period and then brakes as hard as it surely can. The other, unseen
-since that fix, lags to a stop, or to coming back with `approach`. The command is admissible if at every time t
+since that fix, lags to a stop, to a turn, or to coming back. The command is admissible if at every time t
 
     x_other(t) - x_own(t; u) >= R_d + k sigma(t),
 
@@ -15,7 +15,7 @@ Alan et al., "Control barrier functions and input-to-state safety", IEEE Control
 
 from dataclasses import dataclass
 from enum import Enum
-from math import exp, expm1, isfinite, log, sqrt
+from math import acos, cos, exp, expm1, isfinite, log, pi, sqrt
 from typing import Final, final
 
 import numpy as np
@@ -37,7 +37,7 @@ _LONGEST: Final = 1e6  # s, a brake that does not depend on speed
 _NEAR: Final = 1e-9  # m
 
 # theta: see `Separation.theta`
-T_DISTANCE, T_PERIOD, T_LAG, T_SPEED, T_BRAKE, T_BACK, T_OTHER, T_APPROACH, T_SIGMAS = range(9)
+T_DISTANCE, T_PERIOD, T_LAG, T_SPEED, T_BRAKE, T_BACK, T_OTHER, T_APPROACH, T_SIGMAS, T_TURN = range(10)
 
 
 class Hold(Enum):
@@ -56,13 +56,13 @@ HOLDS: Final = tuple(Hold)
 
 @kernel
 def bears(
-    t: float, gap: float, v: float, s: float, age: float, pp: float, pv: float, vv: float, debt: float, theta: Floats
-) -> float:
+    t: float, gap: float, v: float, s: float, low: float, age: float, pp: float, pv: float, vv: float, debt: float,
+    theta: Floats,
+) -> float:  # fmt: skip
     """The largest command that keeps the distance at one time, t [s] after the period in which it acts."""
     lag, tau_b, v_b, tau_o, period = theta[T_LAG], theta[T_BRAKE], theta[T_BACK], theta[T_OTHER], theta[T_PERIOD]
     answer = 1.0 - exp(-period / lag) if lag > 0.0 else 1.0
     stop = -tau_b * expm1(-t / tau_b)
-    low = min(s, -theta[T_APPROACH])
     lever = tau_o * (1.0 - exp(-(age + period + t) / tau_o)) if tau_o > 0.0 else 0.0
     spread = theta[T_SIGMAS] * sqrt(max(pp + lever * (2.0 * pv + lever * vv), 0.0))
     room = gap + low * (age + period + t) + (s - low) * lever - theta[T_DISTANCE] - spread
@@ -71,35 +71,48 @@ def bears(
 
 
 @kernel
+def lowest(s: float, speed: float, theta: Floats) -> float:
+    """The least that the other's velocity along n, now s, may become [m/s]: it stops, turns, or comes back.
+
+    speed : m/s, of the other. With a course phi off n and turns of up to theta_T it is speed cos(phi + theta_T).
+    """
+    low, turn = min(s, -theta[T_APPROACH]), theta[T_TURN]
+    if speed > 0.0:
+        low = min(low, speed * cos(min(acos(min(max(s / speed, -1.0), 1.0)) + turn, pi)))
+    return low
+
+
+@kernel
 def largest_approach(
-    gap: float, v: float, s: float, age: float, pp: float, pv: float, vv: float, theta: Floats
+    gap: float, v: float, s: float, low: float, age: float, pp: float, pv: float, vv: float, theta: Floats
 ) -> float:
     """The largest admissible command [m/s] along n; what is below -speed cannot be held.
 
     gap : m, from the follower now to the other at its fix, along n;  v, s : m/s, follower now, other then, along n
+    low : m/s, what s becomes at worst, see `lowest`;
     age : s, since that fix;  pp, pv, vv : covariance of relative position and velocity along n, then
     """
-    tau_o, v_b, low = theta[T_OTHER], theta[T_BACK], min(s, -theta[T_APPROACH])
+    tau_o, v_b = theta[T_OTHER], theta[T_BACK]
     lever = tau_o * (1.0 - exp(-age / tau_o)) if tau_o > 0.0 else 0.0
     spread = theta[T_SIGMAS] * sqrt(max(pp + lever * (2.0 * pv + lever * vv), 0.0))
     debt = min(gap + low * age + (s - low) * lever - theta[T_DISTANCE] - spread, 0.0)
     fastest, slowest = max(v, theta[T_SPEED]), max(low, -0.999 * v_b)
     step = theta[T_BRAKE] * log((fastest + v_b) / (slowest + v_b)) / TIMES  # until it is no faster than the other
-    least, at = bears(0.0, gap, v, s, age, pp, pv, vv, debt, theta), 0
+    least, at = bears(0.0, gap, v, s, low, age, pp, pv, vv, debt, theta), 0
     for j in range(1, TIMES + 1):
-        u = bears(j * step, gap, v, s, age, pp, pv, vv, debt, theta)
+        u = bears(j * step, gap, v, s, low, age, pp, pv, vv, debt, theta)
         if u < least:
             least, at = u, j
     a, b = max(at - 1, 0) * step, min(at + 1, TIMES) * step
     for _ in range(NARROWED):  # golden section
         width = GOLDEN * (b - a)
-        if bears(b - width, gap, v, s, age, pp, pv, vv, debt, theta) < bears(
-            a + width, gap, v, s, age, pp, pv, vv, debt, theta
+        if bears(b - width, gap, v, s, low, age, pp, pv, vv, debt, theta) < bears(
+            a + width, gap, v, s, low, age, pp, pv, vv, debt, theta
         ):
             b = a + width
         else:
             a = b - width
-    return min(least, bears(0.5 * (a + b), gap, v, s, age, pp, pv, vv, debt, theta))
+    return min(least, bears(0.5 * (a + b), gap, v, s, low, age, pp, pv, vv, debt, theta))
 
 
 @kernel
@@ -132,10 +145,13 @@ def keep_apart(
             pp += nn * P[i, j]
             pv += nn * P[i, 3 + j]
             vv += nn * P[3 + i, 3 + j]
+    s = a * w[0] + b * w[1] + c * w[2]
+    low = lowest(s, sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2]), theta)
     most = largest_approach(
         a * x + b * y + c * z,
         a * v[0] + b * v[1] + c * v[2],
-        a * w[0] + b * w[1] + c * w[2],
+        s,
+        low,
         age, pp, pv, vv, theta,
     )  # fmt: skip
     wish = a * want[0] + b * want[1] + c * want[2]
@@ -160,21 +176,24 @@ def keep_apart(
 class Separation:
     """What is kept, and what both can do.
 
-    distance : m, R_d, between the two positions;  period_s : s, how long a command acts before the next one does
+    distance : m, R_d, between the two positions
+    period_s : s, how long a command acts before the next one does, and what the vehicle takes to begin with it
     lag_s, acceleration, speed : own answer v' = (u - v) / lag within +-acceleration, |u| <= speed
     other_lag_s : s, of the other's answer; 0 : it stands at once, as before a wall
-    approach : m/s, how fast it may come towards the follower of its own will; 0 : it stops and turns, never comes back
+    turn : rad, by how much it may change its course at once; pi : it may come back the way it went
+    approach : m/s, how fast it may come towards the follower even if it rests now
     sigmas : standard deviations of the relative position that are kept besides
 
     Raises ConfigError for impossible numbers, and for an other that comes back as fast as the follower can fly.
     """
 
     distance: float
-    period_s: float = 0.1
+    period_s: float = 0.12
     lag_s: float = 0.5
     acceleration: float = 5.0
     speed: float = 12.0
     other_lag_s: float = 0.5
+    turn: float = 0.5 * pi
     approach: float = 0.0
     sigmas: float = 3.0
 
@@ -182,7 +201,7 @@ class Separation:
         for name in ("distance", "period_s", "acceleration", "speed"):
             if not (isfinite(value := getattr(self, name)) and value > 0.0):
                 raise ConfigError(f"{name} is {value}", where="separation", fix="it must be positive")
-        for name in ("lag_s", "other_lag_s", "approach", "sigmas"):
+        for name in ("lag_s", "other_lag_s", "turn", "approach", "sigmas"):
             if not (isfinite(value := getattr(self, name)) and value >= 0.0):
                 raise ConfigError(f"{name} is {value}", where="separation", fix="it must not be negative")
         if self.approach >= self.speed:
@@ -202,19 +221,8 @@ class Separation:
     def theta(self) -> Floats:
         """Kernel parameters, in the order that `keep_apart` reads them."""
         tau, back = self.brake()
-        return np.array(
-            [
-                self.distance,
-                self.period_s,
-                self.lag_s,
-                self.speed,
-                tau,
-                back,
-                self.other_lag_s,
-                self.approach,
-                self.sigmas,
-            ]
-        )
+        own = (self.distance, self.period_s, self.lag_s, self.speed, tau, back)
+        return np.array([*own, self.other_lag_s, self.approach, self.sigmas, self.turn])
 
 
 def kept_apart(
