@@ -5,13 +5,15 @@ from math import hypot, sqrt
 from outrider.campaign.papers import printed
 from outrider.campaign.papers.model import Paper, Picture, Row, Table, Work, exact, plain_row
 from outrider.campaign.papers.printed import LOCALISATION, METHODS
+from outrider.campaign.papers.swarm2023_figures import pictures
+from outrider.campaign.papers.swarm2023_tables import guidance, mission, rendezvous
 
 PAPER = Paper(
     name="swarm2023",
     title="Trajectory planning and collision avoidance of UAVs with nonlinear Kalman filters",
     citation="Hematulin, Kamsing, Torteeka, Somjit, Phisannupawong, Jarawan: Drones 7, 142 (2023)",
     doi="10.3390/drones7020142",
-    about="What the paper prints from one run each, and whether its numbers fit together.",
+    about="What the paper prints from one run each, whether its numbers fit together, and its flights over many seeds.",
 )
 AXES = ("x", "y", "xy", "xyz")
 
@@ -29,28 +31,8 @@ def localisation(work: Work) -> Table:
     return Table(key="localisation", title="Table 1: RMSE of the position", rows=tuple(rows), note=note)
 
 
-@PAPER.table
-def rendezvous(work: Work) -> Table:
-    """Table 2."""
-    rows = _by_method("RMSE, xyz", "m", printed.RENDEZVOUS_RMSE) + _by_method(
-        "time to 3 m", "s", printed.RENDEZVOUS_TIME
-    )
-    return Table(key="rendezvous", title="Table 2: rendezvous", rows=rows)
-
-
-@PAPER.table
-def mission(work: Work) -> Table:
-    """Table 3."""
-    rows = (
-        _by_method("RMSE outside the rendezvous zone", "m", printed.MISSION_OUTSIDE)
-        + _by_method("RMSE inside it", "m", printed.MISSION_INSIDE)
-        + _by_method("time to 3 m", "s", printed.MISSION_TIME)
-    )
-    return Table(key="mission", title="Table 3: full mission with a turn of 90 degrees", rows=rows)
-
-
-def _by_method(what: str, unit: str, values: tuple[str, ...]) -> tuple[Row, ...]:
-    return tuple(Row(name=m, group=what, unit=unit, printed=v) for m, v in zip(METHODS, values, strict=True))
+for _make in (rendezvous, mission, guidance):
+    PAPER.table(_make)
 
 
 @PAPER.table
@@ -97,7 +79,7 @@ def elsewhere(work: Work) -> Table:
 def methods(work: Work) -> Picture:
     """Printed RMSE in space, method by method."""
     rows = [r for r in localisation(work).rows if r.name.endswith(", xyz")]
-    rows += rendezvous(work).rows[:4] + mission(work).rows[:8]
+    rows += rendezvous(Work(seeds=0)).rows[:4] + mission(Work(seeds=0)).rows[:8]
 
     def draw() -> object:
         from outrider.plot.papers import values_figure
@@ -106,3 +88,7 @@ def methods(work: Work) -> Picture:
 
     caption = "One run each: the spread between runs is not printed."
     return Picture(key="methods", title="Printed RMSE of the three filters", draw=draw, caption=caption)
+
+
+for _draw in pictures():
+    PAPER.picture(_draw)
