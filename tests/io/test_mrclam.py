@@ -7,7 +7,7 @@ import pytest
 
 from outrider.data import Kind
 from outrider.errors import DataError
-from outrider.io.mrclam import is_mrclam, read_mrclam, write_mrclam
+from outrider.io.mrclam import write_mrclam
 from outrider.io.registry import detect, read_log
 from outrider.sim.barcodes import BarcodeTeam, barcode_log
 
@@ -32,7 +32,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_numbers_stand_where_the_format_says(folder: Path) -> None:
-    assert is_mrclam(folder) and detect(folder) == "mrclam folder"
+    assert detect(folder) == "mrclam folder"
     log = read_log(folder)
     assert log.ids == {"robot1": 1, "robot2": 2} and log.beacons == {6.0: (1.88032539, -5.57229508, 0.0)}
     odometry = log.streams["robot1/odometry"]
@@ -91,9 +91,29 @@ def test_faults_are_one_line(folder: Path, name: str, text: str, what: str) -> N
 
 def test_without_barcodes_nobody_is_known(folder: Path) -> None:
     (folder / "Barcodes.dat").unlink()
-    assert not is_mrclam(folder)
     with pytest.raises(DataError, match=r"has no Barcodes\.dat"):
-        read_mrclam(folder)
+        read_log(folder)
+
+
+def test_a_folder_may_be_inside_another(folder: Path, tmp_path: Path) -> None:
+    """As archives unpack, with what macOS leaves beside it."""
+    inner = tmp_path / "outer" / "MRCLAM_Dataset7"
+    inner.mkdir(parents=True)
+    for name, text in FILES.items():
+        (inner / name).write_text(text)
+    (inner.parent / "__MACOSX").mkdir()
+    (inner.parent / "readme.txt").write_text("hello")
+    assert detect(inner.parent) == "mrclam folder"
+    assert read_log(inner.parent).ids == read_log(folder).ids
+    (inner.parent / "MRCLAM_Dataset6").mkdir()
+    with pytest.raises(DataError, match="is a directory"):  # which of the two?
+        detect(inner.parent)
+
+
+def test_an_archive_is_to_be_unpacked(folder: Path) -> None:
+    (folder / "MRCLAM_Dataset6.zip").write_bytes(b"PK\x03\x04" + bytes(100))
+    with pytest.raises(DataError, match="is a zip archive"):
+        detect(folder / "MRCLAM_Dataset6.zip")
 
 
 def test_without_landmarks_it_says_so(folder: Path) -> None:

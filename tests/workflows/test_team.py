@@ -22,6 +22,7 @@ from outrider.io.registry import read_log
 from outrider.sim.barcodes import UNKNOWN, BarcodeTeam, barcode_log
 from outrider.workflows.config import FuseConfig, TeamSection
 from outrider.workflows.team import fuse_team_log
+from outrider.workflows.team_file import agreement, findings
 from outrider.workflows.team_records import STEP, team_log
 
 pytestmark = pytest.mark.compiled  # minutes of odometry at 67 Hz
@@ -252,3 +253,36 @@ def test_one_robot_of_a_team_by_what_it_sees_of_landmarks() -> None:
 def test_a_setting_that_is_none_is_refused_before_anything_is_read(given: str) -> None:
     with folder() as room, pytest.raises(ConfigError):
         CliRunner().invoke(app, ["fuse", str(room / "log"), "--set", given], catch_exceptions=False)
+
+
+def test_sightings_need_no_order() -> None:
+    """Those of one image share a stamp; files may hold images in any order."""
+    log = small(duration_s=60.0)[0]
+    s = log.streams["robot1/measurement"]
+    mixed = log.with_streams(s.select(np.random.default_rng(1).permutation(len(s))))
+    for a, b in zip(fused(log).robots, fused(mixed).robots, strict=True):
+        np.testing.assert_allclose(a.x, b.x, atol=1e-6)
+
+
+def test_pairs_say_whether_they_agree() -> None:
+    """White noise of the size that is found: NIS about 1. A camera that is turned by 3 deg shows in what it sees."""
+    log = small(2, misread=0.0)[0]
+    for told in (agreement(fused(log), k) for k in range(3)):
+        for a in told.values():
+            if a["used"] > 50:
+                assert 0.6 < a["nis_per_dof"] < 1.4 and a["in_bound"] > 0.88
+    s = log.streams["robot2/measurement"]
+    z = s.z.copy()
+    z[:, 2] += np.radians(3.0) * np.where(z[:, 0] > 3, 0.0, 1.0)  # of robots only
+    off = agreement(fused(changed(log, "robot2/measurement", z), range_sigma_m=0.12, bearing_sigma_deg=0.5), 1)
+    assert max(a["nis_per_dof"] for name, a in off.items() if name != "landmarks") > 2.0
+
+
+def test_what_tells_nothing_is_a_warning(tmp_path: Path) -> None:
+    log, truth = barcode_log(replace(SMALL, duration_s=60.0), 1)
+    write_mrclam(log, truth, tmp_path)
+    (tmp_path / "Robot2_Measurement.dat").write_bytes(np.random.default_rng(1).bytes(5000))
+    run = fuse_team_log(read_log(tmp_path))
+    told = [f["text"] for f in findings(run) if f["severity"] == "warning"]
+    assert any("lines of Robot2_Measurement.dat could not be read" in text for text in told)
+    assert any("robot2" in text and ("nothing has measured it" in text or "not part" in text) for text in told)

@@ -104,6 +104,9 @@ def show(summary: Mapping[str, Any], folder: Path, *, quiet: bool = False, verbo
             out.print(Text(f"    {what.replace('_', ' ')}: {summary['reasons'][what]}", "dim"))
         for name, r in robots.items():
             out.print(Text(f"{name} fused {', '.join(f'{n} {whom}' for whom, n in r['saw'].items()) or 'nothing'}"))
+            for whom, a in r["agreement"].items():
+                told = f"NIS {a['nis_per_dof']:.2f} per degree of freedom, {a['in_bound']:.0%} in the 95 % bound"
+                out.print(Text(f"    {name} of {whom}: {told}", "dim"))
     out.print(Text(f"written to {folder}"))
 
 

@@ -35,10 +35,14 @@ class Table(NamedTuple):
     broken: int
 
 
-def is_mrclam(folder: Path) -> bool:
-    """Whether this is such a folder: the odometry of a robot and a table of barcodes."""
-    names = {p.name.lower() for p in folder.iterdir()}
-    return BARCODES.lower() in names and any(n.startswith("robot") and n.endswith("_odometry.dat") for n in names)
+def mrclam_root(folder: Path) -> Path | None:
+    """Where such files are: this folder or the only one inside it, as archives unpack; None if there are none."""
+    inside = [p for p in folder.iterdir() if p.is_dir() and not p.name.startswith((".", "__"))]
+    return next((f for f in (folder, *inside[: len(inside) == 1]) if _holds_odometry(f)), None)
+
+
+def _holds_odometry(folder: Path) -> bool:
+    return any((m := _robot_file(p.name)) is not None and m[1] == "odometry" for p in folder.iterdir())
 
 
 def read_mrclam(
@@ -59,6 +63,7 @@ def read_mrclam(
     Raises `DataError` for a folder without Barcodes.dat or odometry, and for two subjects with one barcode.
     """
     del robot
+    path = mrclam_root(path) or path
     files = {p.name.lower(): p for p in sorted(path.iterdir())}
     notes: list[str] = []
     subject_of = _barcodes(_named(files, path, BARCODES))

@@ -73,6 +73,8 @@ def detect(path: Path, *, teams: bool = True) -> str:
         return "arrays"
     if head.startswith(PACKED):
         return _packed(path)
+    if head.startswith(b"PK\x03\x04"):
+        raise DataError("is a zip archive", where=str(path), fix="unpack it, and name the folder or the log inside")
     for magic, name in (*MAGIC, *((c, "remote id") for c in CAPTURES)):
         if head.startswith(magic):
             return name
@@ -100,7 +102,7 @@ def _folder(path: Path, teams: bool) -> str:
     """The format of a folder."""
     from outrider.io.euroc import euroc_root
     from outrider.io.kitti import is_kitti
-    from outrider.io.mrclam import is_mrclam
+    from outrider.io.mrclam import mrclam_root
     from outrider.io.teams import logs_in
 
     try:
@@ -112,7 +114,7 @@ def _folder(path: Path, teams: bool) -> str:
             return "kitti drive"
         if euroc_root(path) is not None:
             return "euroc sequence"
-        if is_mrclam(path):
+        if mrclam_root(path) is not None:
             return "mrclam folder"
         if teams and len(logs_in(path)) > 1:
             return "team folder"

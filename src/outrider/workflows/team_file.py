@@ -6,16 +6,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.special import chdtri
 
 from outrider.data import EventLog
-from outrider.data.team_run import CODES, Score, Sighting, TeamRun
+from outrider.data.team_run import CODES, RobotEstimate, Score, Sighting, TeamRun
 from outrider.errors import ExitCode
 from outrider.io.mrclam import write_mrclam
 from outrider.io.registry import read_log
 from outrider.io.robots import of_robot
 from outrider.io.team_runs import ERRORS, SCHEMA, TRACKS, ensure_free, team_folder, write_team
+from outrider.models.motion import LAYOUTS, Motion
 from outrider.sim.barcodes import BarcodeTeam, barcode_log
-from outrider.typing import Floats
+from outrider.typing import Bools, Floats
 from outrider.workflows.config import FuseConfig, TeamSection
 from outrider.workflows.fuse_file import Input
 from outrider.workflows.team import fuse_team_log
@@ -23,6 +25,11 @@ from outrider.workflows.team_records import truth_at
 
 Progress = Callable[[str, float], None]
 GOOD_NEES = 3.0  # per degree of freedom: beyond, the team does not know how wrong it is
+DOF = 2  # of a sighting: range and bearing
+BOUND = float(chdtri(DOF, 0.05))  # of its NIS
+UNTOLD = 0.99  # of its first deviation: what is left of it if nothing was learnt
+POSE = LAYOUTS[Motion.ODOMETRIC].names[:3]
+LOST = ("could not be read", "nobody can recognise", "no landmark is known")  # in notes of the reader: much is missing
 
 
 def fuse_team_file(
@@ -149,6 +156,7 @@ def _robot(run: TeamRun, k: int) -> dict[str, Any]:
         "gain": gain(r.score, r.alone),
         "sightings": run.sightings.counts(run.sightings.robot == who),
         "saw": _of_whom(run, who),
+        "agreement": agreement(run, who),
     }
 
 
@@ -195,7 +203,40 @@ def findings(run: TeamRun) -> list[dict[str, str]]:
     if wrong:
         text = f"{wrong} of {s.t.size} sightings refused as misread (barcode of nobody, its own, or outside the gate)"
         out.append({"severity": "info", "text": text})
-    return out + [{"severity": "info", "text": note} for note in run.notes]
+    out += [{"severity": "warning", "text": text} for text in unmeasured(run)]
+    notes = [("warning" if any(word in note for word in LOST) else "info", note) for note in run.notes]
+    return sorted(out + [{"severity": s, "text": note} for s, note in notes], key=lambda f: f["severity"] != "warning")
+
+
+def unmeasured(run: TeamRun) -> list[str]:
+    """Robots that saw and were seen by nobody after their start, and errors of odometry of which nothing was learnt."""
+    out: list[str] = []
+    for r in run.robots:
+        names = [n.replace("_", " ") for n, sd in r.sigmas.items() if n not in POSE and 0.0 < UNTOLD * sd[0] <= sd[-1]]
+        if not run.sightings.counts(involved(run, r)).get("used"):
+            out.append(f"{r.name} is estimated from odometry only: nobody saw it, and it saw nothing, after its start")
+        elif names:
+            out.append(f"{', '.join(names)} of {r.name}: nothing has measured it; longer logs or turns would")
+    return out
+
+
+def involved(run: TeamRun, r: RobotEstimate) -> Bools:
+    """(n,) sightings by a robot, or of it."""
+    return (run.sightings.robot == run.names.index(r.name)) | (run.sightings.subject == r.number)
+
+
+def agreement(run: TeamRun, who: int) -> dict[str, dict[str, float]]:
+    """NIS of what a robot saw of landmarks and of each other robot: mean per degree of freedom, 1 is honest, and the
+    share below its 95 % bound."""
+    s, out = run.sightings, dict[str, dict[str, float]]()
+    used = (s.what == CODES[Sighting.USED]) & (s.robot == who) & np.isfinite(s.nis)
+    whom = {"landmarks": np.isin(s.subject, list(run.landmarks)), **{r.name: s.subject == r.number for r in run.robots}}
+    for name, rows in whom.items():
+        nis = s.nis[used & rows]
+        if nis.size:
+            inside = float(np.mean(nis <= BOUND))
+            out[name] = {"used": nis.size, "nis_per_dof": float(nis.mean() / DOF), "in_bound": inside}
+    return out
 
 
 def exit_code(run: TeamRun) -> ExitCode:
