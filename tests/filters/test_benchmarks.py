@@ -9,11 +9,11 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[2]))  # the benchmarks stand beside the package, not in it
 
-from benchmarks import _problems, filters, vehicles
+from benchmarks import _problems, filters, following, vehicles
 from benchmarks.table import Row, Side, agree, cells, measure
 
 
-@pytest.mark.parametrize("row", [*filters.rows(), *vehicles.rows()], ids=lambda row: row.name)
+@pytest.mark.parametrize("row", [*filters.rows(), *vehicles.rows(), *following.rows()], ids=lambda row: row.name)
 def test_both_sides_agree(row):
     pytest.importorskip("filterpy", reason="filterpy is not installed (dependency group bench)")
     pytest.importorskip("stonesoup", reason="stonesoup is not installed (dependency group bench)")

@@ -11,6 +11,7 @@ from typing import Any, Final, final
 
 import numpy as np
 
+from outrider._kernel import kernel
 from outrider.campaign.following_tunings import BLOCKED, FULL, VARIANTS
 from outrider.campaign.trials import Params
 from outrider.errors import ConfigError
@@ -120,33 +121,45 @@ def fly(scene: Scene, seed: int) -> Flown:
         lag=scene.lag, lag_z=scene.lag, acceleration=max(scene.gust, 1e-9), acceleration_z=0.5 * scene.gust
     )
     lag_step(h, truth.theta(), c)
-    a = np.sqrt(c[:, 4])
-    b = c[:, 5] / np.maximum(a, 1e-300)
-    d = np.sqrt(np.maximum(c[:, 6] - b * b, 0.0))
+    roots = np.zeros((3, 3))
+    roots[0] = np.sqrt(c[:, 4])
+    roots[1] = c[:, 5] / np.maximum(roots[0], 1e-300)
+    roots[2] = np.sqrt(np.maximum(c[:, 6] - roots[1] ** 2, 0.0))
     shocks = rng.normal(size=(K * STEPS, 2, 3))
     noise, nose_noise = scene.sigma * rng.normal(size=(K, 3)), scene.heading * rng.normal(size=K)
     seen = target(np.arange(0.0, K) - scene.latency) + scene.sigma * rng.normal(size=(K, 3))
     side = rng.uniform(-np.pi, np.pi)
     wind = scene.wind * np.array([np.cos(side), np.sin(side), 0.0])
     late = round(scene.latency * STEPS)
-    p, v = START.copy(), np.zeros(3)
-    past = [p.copy()] * (late + 1)
+    p, v, path = START.copy(), np.zeros(3), np.zeros((K * STEPS, 3))
     x, fix, u, nose = np.zeros((K, 6)), np.zeros((K, 3)), np.zeros((K, 3)), np.zeros(K)
     came = np.ones(K, np.bool_)
     came[scene.outage_from : scene.outage_from + scene.outage] = False
     for k in range(K):
         x[k] = [*p, *v]
-        fix[k] = past[-1 - late] + noise[k] if came[k] else fix[k - 1]
+        taken = path[k * STEPS - late - 1] if k else p
+        fix[k] = taken + noise[k] if came[k] else fix[k - 1]
         air = v - wind
         nose[k] = np.arctan2(air[1], air[0]) + nose_noise[k]
         line = seen[k, :2] - fix[k, :2]
         u[k, :2] = line / max(float(np.hypot(*line)), 1e-9)
-        pull = u[k] + wind
-        for row in shocks[k * STEPS : (k + 1) * STEPS]:
-            p = p + c[:, 0] * v + c[:, 2] * pull + a * row[0]
-            v = c[:, 1] * v + c[:, 3] * pull + b * row[0] + d * row[1]
-            past.append(p)
+        rows = slice(k * STEPS, (k + 1) * STEPS)
+        answer(p, v, u[k] + wind, c, roots, shocks[rows], path[rows])
     return Flown(x, fix, came, u, nose)
+
+
+@kernel
+def answer(p: Floats, v: Floats, pull: Floats, c: Floats, roots: Floats, shocks: Floats, path: Floats) -> None:
+    """p, v (3,) <- after as many steps c (3, STEP) as shocks (steps, 2, 3) has; path (steps, 3) <- where it has been.
+
+    roots (3, 3): Cholesky factor (p p, v p, v v) of a step's noise, axes in columns.
+    """
+    for k in range(shocks.shape[0]):
+        for i in range(3):
+            e, f = shocks[k, 0, i], shocks[k, 1, i]
+            p[i] += c[i, 0] * v[i] + c[i, 2] * pull[i] + roots[0, i] * e
+            v[i] = c[i, 1] * v[i] + c[i, 3] * pull[i] + roots[1, i] * e + roots[2, i] * f
+            path[k, i] = p[i]
 
 
 def target(t: Floats) -> Floats:

@@ -2,7 +2,7 @@
 
 from math import hypot, sqrt
 
-from outrider.campaign.papers import printed
+from outrider.campaign.papers import printed, swarm2023_filters
 from outrider.campaign.papers.model import Paper, Picture, Row, Table, Work, exact, plain_row
 from outrider.campaign.papers.printed import LOCALISATION, METHODS
 from outrider.campaign.papers.swarm2023_figures import pictures
@@ -15,23 +15,8 @@ PAPER = Paper(
     doi="10.3390/drones7020142",
     about="What the paper prints from one run each, whether its numbers fit together, and its flights over many seeds.",
 )
-AXES = ("x", "y", "xy", "xyz")
-
-
-@PAPER.table
-def localisation(work: Work) -> Table:
-    """Table 1: RMSE of the position."""
-    rows = [
-        Row(name=f"{method}, {axes}", group=signal, unit="m", printed=values[k])
-        for signal, by_method in LOCALISATION.items()
-        for k, axes in enumerate(AXES)
-        for method, values in zip(METHODS, by_method, strict=True)
-    ]
-    note = "Printed: one run each, every filter with a tuning of its own."
-    return Table(key="localisation", title="Table 1: RMSE of the position", rows=tuple(rows), note=note)
-
-
-for _make in (rendezvous, mission, guidance):
+localisation = PAPER.table(swarm2023_filters.localisation)
+for _make in (*swarm2023_filters.TABLES, rendezvous, mission, guidance):
     PAPER.table(_make)
 
 
@@ -78,7 +63,7 @@ def elsewhere(work: Work) -> Table:
 @PAPER.picture
 def methods(work: Work) -> Picture:
     """Printed RMSE in space, method by method."""
-    rows = [r for r in localisation(work).rows if r.name.endswith(", xyz")]
+    rows = [r for r in localisation(work).rows if r.name.endswith(", xyz") and r.printed]
     rows += rendezvous(Work(seeds=0)).rows[:4] + mission(Work(seeds=0)).rows[:8]
 
     def draw() -> object:
@@ -90,5 +75,5 @@ def methods(work: Work) -> Picture:
     return Picture(key="methods", title="Printed RMSE of the three filters", draw=draw, caption=caption)
 
 
-for _draw in pictures():
+for _draw in (*swarm2023_filters.PICTURES, *pictures()):
     PAPER.picture(_draw)

@@ -33,7 +33,7 @@ def run_ensemble(flight: Log, x: Floats, P: Floats, rng: Generator, square_root:
             for row in range(3):
                 total += assimilate(rng, 0, row, 0.0, square_root, x, z, r[row], s)
             moments(s.X, x, P)
-        if flight.kind[k] > 0 and tells(x, P, flight.slowest):
+        if tells(flight.kind[k], x, P, flight.slowest):
             for row in range(flight.kind[k]):
                 total += assimilate(rng, flight.kind[k], row, float(flight.dt[i]), square_root, x, z, r[3 + row], s)
             moments(s.X, x, P)

@@ -21,7 +21,7 @@ def run_gaussian(flight: Log, x: Floats, P: Floats, unscented: bool, out: Track,
         if r[0] < inf:
             nis, det = update(x, P, 0, z, r, inf)
             total += evidence(nis, det, 3)
-        if flight.kind[k] > 0 and tells(x, P, flight.slowest):
+        if tells(flight.kind[k], x, P, flight.slowest):
             if unscented:
                 total += sigma_update(x, P, flight.kind[k], float(flight.dt[i]), z, r, s)
             else:

@@ -74,12 +74,14 @@ def sight(kind: int, vx: float, vy: float, dt: float, z: Floats, y: Floats) -> i
 
 
 @kernel
-def tells(x: Floats, P: Floats, slowest: float) -> bool:
-    """Whether the flight has a direction: fast enough, and surely so. x (n,), P (n, n)."""
+def tells(kind: int, x: Floats, P: Floats, slowest: float) -> bool:
+    """Whether there is a direction to be fused: the flight fast enough and, but for swarm2023's kinds, surely so."""
+    if kind == 0:
+        return False
     air = x.size == 9
     vx, vy = x[3] - (x[6] if air else 0.0), x[4] - (x[7] if air else 0.0)
     square = vx * vx + vy * vy
-    return square > slowest * slowest and square > 4.0 * (P[3, 3] + P[4, 4])
+    return square > slowest * slowest and (kind > 1 or square > 4.0 * (P[3, 3] + P[4, 4]))
 
 
 @kernel
