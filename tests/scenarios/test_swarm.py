@@ -1,12 +1,14 @@
 """Swarms in the compiled loop: nobody too near, nobody stuck, the same bits again; and what goes wrong is seen."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from outrider.errors import ConfigError
 from outrider.guidance.avoidance import Avoidance
-from outrider.scenarios.swarm import Flown, Sky, Task, fly_swarm
-from outrider.scenarios.swarm_tasks import circle, crossing, doorway, head_on
+from outrider.scenarios.swarm import Flown, Sky, Task, fly_swarm, spacing_errors
+from outrider.scenarios.swarm_tasks import circle, column, crossing, doorway, head_on, rounded
 
 CALM = Sky(noisy=False)
 
@@ -64,3 +66,42 @@ def test_a_wall_is_a_wall() -> None:
 def test_a_sky_that_cannot_be(name: str, value: float) -> None:
     with pytest.raises(ConfigError, match=name):
         Sky(**{name: value})
+
+
+@pytest.mark.compiled
+def test_a_column_follows_round_bends_and_stops_with_its_leader() -> None:
+    f = fly_swarm(column(12, 240.0, 2), 2, until_there=False, sky=Sky(radio=40.0))
+    assert f.least.min() >= 1.5 and f.violations == 0
+    e = spacing_errors(f)[120:, 1:]
+    assert np.isfinite(e).all() and np.sqrt((e**2).mean(axis=0)).max() < 0.6
+    assert f.track[-1, 0, 1] > 20.0  # it has been round a bend
+
+
+@pytest.mark.compiled
+def test_what_disturbs_the_first_followers_is_less_at_every_next_one() -> None:
+    task = column(14, 180.0, 0)
+    pace = np.zeros(1800)
+    pace[900:1200], pace[1350:1550], pace[1550:] = 3.0, 3.0, 1.2  # once they have closed up
+    f = fly_swarm(replace(task, pace=pace), 0, until_there=False, sky=CALM, every=1)
+    e = spacing_errors(f)[900:, 1:]
+    for norm in (np.abs(e).max(axis=0), np.linalg.norm(e, axis=0)):
+        assert (norm[1:] <= norm[:-1]).all()
+    assert np.abs(e[:, 0]).max() > 0.5  # something has been disturbed
+
+
+@pytest.mark.compiled
+def test_a_drone_without_a_radio_leaves_the_column_and_joins_it_again_as_the_last() -> None:
+    f = fly_swarm(column(12, 200.0, 1, silent=((3, 40.0, 58.0),)), 1, until_there=False, sky=Sky(radio=40.0))
+    up, ahead = f.track[:, 3, 2], f.track[:, :, 5]
+    assert f.violations == 0 and up.max() > 34.0  # it has climbed out of the way
+    assert ahead[78, 4] == 3 and ahead[110, 4] == 2  # who followed it closes up
+    assert ahead[110, 3] == -1 and ahead[-1, 3] == 11  # and it is the last in the end
+    assert abs(up[-1] - 30.0) < 0.5 and not f.aside.any()
+
+
+def test_a_rounded_way_is_closed_even_and_no_tighter_than_its_bends() -> None:
+    p = rounded(np.array([[0.0, 0.0], [60.0, 0.0], [60.0, 40.0], [0.0, 40.0]]), 10.0)
+    step = np.hypot(*(np.roll(p, -1, axis=0) - p).T)
+    assert step.max() < 1.6
+    assert step.sum() == pytest.approx(200.0 - 8.0 * 10.0 + 2.0 * np.pi * 10.0, rel=1e-3)
+    assert p.min() > -1e-9 and p[:, 0].max() < 60.0 + 1e-9 and p[:, 1].max() < 40.0 + 1e-9

@@ -68,7 +68,7 @@ class Spacing:
     """
 
     stand: float = 4.0
-    headway_s: float = 1.2
+    headway_s: float = 1.5
     gain: float = 0.4
     preview: float = 2.5
     speed: float = 5.0

@@ -71,6 +71,17 @@ def nearest(
     return found
 
 
+@kernel
+def nearest_of_all(
+    p: Floats, side: float, first: Ints, members: Ints, reach: float, layer: float, ids: Ints, squared: Floats
+) -> None:
+    """ids (n, m) <- the `nearest` of every point, then `NOBODY`; first, members, squared (m) : scratch."""
+    sort_into_cells(p, side, first, members)
+    for k in range(p.shape[0]):
+        for q in range(nearest(p, side, first, members, k, reach, layer, ids[k], squared), ids.shape[1]):
+            ids[k, q] = NOBODY
+
+
 @final
 @dataclass(frozen=True, slots=True)
 class Cells:
@@ -89,10 +100,6 @@ class Cells:
 
     def near(self, p: Floats, reach: float, most: int, layer: float = np.inf) -> Ints:
         """(n, most) for each of the points p (n, 2 or 3) the nearest others within `reach`, then `NOBODY`."""
-        out = np.full((self.n, most), NOBODY, np.int64)
-        squared = np.empty(most)
-        sort_into_cells(p, self.side, self.first, self.members)
-        for k in range(self.n):
-            found = nearest(p, self.side, self.first, self.members, k, reach, layer, out[k], squared)
-            out[k, found:] = NOBODY
+        out = np.empty((self.n, most), np.int64)
+        nearest_of_all(p, self.side, self.first, self.members, reach, layer, out, np.empty(most))
         return out

@@ -21,7 +21,10 @@ from outrider.scenarios.swarm_loop import (
     M_SIZE,
     M_STAMP,
     MEMBER,
+    T_AHEAD,
+    T_ARC,
     T_SIZE,
+    T_SPEED,
     Room,
     Swarm,
     World,
@@ -154,6 +157,15 @@ def fly_swarm(task: Task, seed: int, *, sky: Sky = Sky(), rules: Avoidance = Avo
     )  # fmt: skip
 
 
+def spacing_errors(flown: Flown, spacing: Spacing = Spacing()) -> Floats:
+    """(rows, N) m, by how much each true gap to the one ahead differs from d_0 + h v; NaN for who follows nobody."""
+    ahead = flown.track[:, :, T_AHEAD].astype(np.int64)
+    arc = flown.track[:, :, T_ARC]
+    gap = np.take_along_axis(arc, np.maximum(ahead, 0), axis=1) - arc
+    wanted = spacing.stand + spacing.headway_s * flown.track[:, :, T_SPEED]
+    return np.where(ahead < 0, np.nan, gap - wanted)
+
+
 def _with_arc(p: Floats) -> Floats:
     """(n, 3) points (n, 2) with their arc length."""
     arc = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(p, axis=0).T))])
@@ -182,7 +194,7 @@ def _world(task: Task, sky: Sky, rules: Avoidance, spacing: Spacing) -> World:
         release=np.zeros(goals.shape[:2]) if task.release is None else task.release,
         silent=np.full((n, 1, 2), inf) if task.silent is None else task.silent,
         path=_NO_PATH if task.path is None else _with_arc(task.path),
-        pace=np.zeros(steps) if task.pace is None else task.pace,
+        due=np.zeros(steps) if task.pace is None else np.cumsum(task.pace) * DT,
     )  # fmt: skip
 
 
@@ -222,4 +234,4 @@ def _room(n: int, slots: int, walls: int, sky: Sky) -> Room:
     )  # fmt: skip
 
 
-__all__ = ["GOALS", "LEADER", "MEMBER", "RANKS", "Flown", "Sky", "Task", "fly_swarm"]
+__all__ = ["GOALS", "LEADER", "MEMBER", "RANKS", "Flown", "Sky", "Task", "fly_swarm", "spacing_errors"]

@@ -45,7 +45,7 @@ class World(NamedTuple):
     release: Floats  # (N, W) s, from when on a drone may go on from a goal, for a window in every period
     silent: Floats  # (N, windows, 2) s, from when to when its radio is dead
     path: Floats  # (L, 3) of the leader: east, north, arc length
-    pace: Floats  # (steps,) m/s, what the leader is told
+    due: Floats  # (steps,) m, arc length where the leader should be
 
 
 class Swarm(NamedTuple):
@@ -145,13 +145,15 @@ def speak(w: World, s: Swarm, i: int, k: int, t: float) -> None:
     if s.kind[i] == LEADER:
         s.arc[i] = along(w.path, w.path.shape[0], s.arc[i], s.X[i, 0], s.X[i, 1])[0]
         m = s.known[i]
-        d = hypot(s.X[i, 0] - s.crumbs[m - 1, 0], s.X[i, 1] - s.crumbs[m - 1, 1])
-        if d >= w.how[H_CRUMB] and m < s.crumbs.shape[0]:
+        px, py = s.X[i, 0] - s.crumbs[m - 1, 0], s.X[i, 1] - s.crumbs[m - 1, 1]
+        d = hypot(px, py)
+        fx, fy = s.crumbs[m - 1, 0] - s.crumbs[m - 2, 0], s.crumbs[m - 1, 1] - s.crumbs[m - 2, 1]
+        if d >= w.how[H_CRUMB] and px * fx + py * fy > 0.0 and m < s.crumbs.shape[0]:
             s.crumbs[m, 0], s.crumbs[m, 1], s.crumbs[m, 2] = s.X[i, 0], s.X[i, 1], s.crumbs[m - 1, 2] + d
             s.known[i] = m + 1
-            d = 0.0
-        place_now = s.crumbs[s.known[i] - 1, 2] + d
-        s.true_arc[i] = place_now
+        last = s.crumbs[s.known[i] - 1, 2]
+        place_now = along(s.crumbs, s.known[i], last, s.X[i, 0], s.X[i, 1])[0]
+        s.true_arc[i] = along(s.crumbs, s.known[i], last, s.body[i, X_P], s.body[i, X_P + 1])[0]
     elif s.kind[i] != GOALS:
         place_now = along(s.crumbs, s.known[i], s.arc[i], s.X[i, 0], s.X[i, 1])[0]
         s.arc[i] = place_now
@@ -296,12 +298,11 @@ def waits(w: World, s: Swarm, i: int, t: float) -> None:
         s.rest[i] = inf
     if s.kind[i] != ASIDE or s.mute[i] < inf:
         return
-    behind, ahead = False, False
+    behind = False
     for q in range(s.who.shape[1]):
         if s.who[i, q] >= 0 and (s.inbox[i, q, M_KIND] == MEMBER or s.inbox[i, q, M_KIND] == LEADER):
             behind = behind or s.inbox[i, q, M_ARC] < s.arc[i] + w.spacing[0]
-            ahead = ahead or s.inbox[i, q, M_ARC] > s.arc[i]
-    s.rest[i] = min(s.rest[i], t) if ahead and not behind else inf
+    s.rest[i] = inf if behind else min(s.rest[i], t)
     if t - s.rest[i] > 3.0:
         s.kind[i] = MEMBER
         s.high[i] -= w.how[H_ASIDE]
@@ -321,7 +322,9 @@ def decide(w: World, s: Swarm, r: Room, i: int, k: int, t: float) -> None:
         at, piece = along(w.path, w.path.shape[0], s.arc[i], own[0], own[1])
         x, y = place(w.path, w.path.shape[0], piece, at + w.spacing[3])
         d = max(hypot(x - own[0], y - own[1]), 1e-9)
-        ex, ey, speed = (x - own[0]) / d, (y - own[1]) / d, w.pace[k]
+        ex, ey = (x - own[0]) / d, (y - own[1]) / d
+        ahead = (w.due[min(k + 1, w.due.size - 1)] - w.due[k]) / w.how[H_DT]
+        speed = min(max(ahead + w.spacing[2] * (w.due[k] - at), 0.0), w.spacing[4])
         free = speed
     elif kind == MEMBER and s.mute[i] == inf:
         speed, ex, ey, free = on_trail(w, s, i, t)

@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from outrider.scenarios.swarm import GOALS, Task
+from outrider.scenarios.swarm import DT, GOALS, LEADER, MEMBER, Task
+from outrider.sim.noise import generator
 from outrider.typing import Floats
 
 UP = 30.0  # m, height of flight
@@ -14,8 +15,8 @@ SLOT_S, CLEAR_S = 4.5, 8.0  # s for each of them, and until the other side may
 def _to(start: NDArray[np.floating], goal: NDArray[np.floating], seconds: float) -> Task:
     n = len(start)
     up = np.full((n, 1), UP)
-    return Task(start=np.hstack([start, up]).astype(np.float64), kind=np.full(n, GOALS), goals=np.hstack([goal, up]).astype(np.float64)[:, None],
-                seconds=seconds)  # fmt: skip
+    first, last = np.hstack([start, up]).astype(np.float64), np.hstack([goal, up]).astype(np.float64)
+    return Task(start=first, kind=np.full(n, GOALS), goals=last[:, None], seconds=seconds)
 
 
 def circle(n: int, apart: float = 5.0) -> Task:
@@ -76,3 +77,64 @@ def doorway(n: int, apart: float = 5.0, width: float = 4.0) -> Task:
         start=np.hstack([goals[:, 0], up[:, 0]]), kind=np.full(n, GOALS), goals=np.concatenate([goals, up], axis=2),
         release=release, walls=walls, seconds=float(turn[-1]) + 5.0 * period, period_s=period, window_s=SLOT_S,
     )  # fmt: skip
+
+
+LOOP = ((0, 0), (220, 0), (220, 50), (60, 50), (60, 100), (220, 100), (220, 150), (0, 150))  # m, bends to both sides
+BEND_M = 10.0  # radius of a bend
+APART_M = 8.5  # between drones of a column at the start
+
+
+def column(n: int, seconds: float, seed: int, *, silent: tuple[tuple[int, float, float], ...] = ()) -> Task:
+    """Behind a leader n - 1 followers on a trail with bends; it changes its speed, and stops dead, as `seed` says.
+
+    silent : (drone, from s, to s) without a radio.
+    """
+    start = np.column_stack([-APART_M * np.arange(n), np.zeros(n), np.full(n, UP)]).astype(np.float64)
+    back = np.arange(-np.ceil(APART_M * n) - 20.0, 0.5)
+    begin = np.column_stack([back, np.zeros(len(back))])
+    once = rounded(np.array(LOOP, np.float64), BEND_M)
+    path = np.vstack([[[0.0, 0.0]], *[once] * (1 + int(SPEED * seconds / 1000.0))])
+    dead = np.full((n, max(len(silent), 1), 2), np.inf)
+    for k, (drone, since, until) in enumerate(silent):
+        dead[drone, k] = since, until
+    kind = np.full(n, MEMBER)
+    kind[0] = LEADER
+    return Task(
+        start=start, kind=kind, seconds=seconds, silent=dead, path=path, pace=_paces(seconds, seed), trail=begin
+    )
+
+
+SPEED = 3.0  # m/s, of the leader at its most
+
+
+def _paces(seconds: float, seed: int) -> Floats:
+    """What the leader is told: steps between speeds, each for 15 to 60 s, and to stop dead for 10 to 25 s."""
+    rng, out, now = generator(seed, "leader", "speed"), np.zeros(round(seconds / DT)), 20
+    while now < len(out):
+        stops = rng.random() < 0.25
+        lasts = round(float(rng.uniform(10.0, 25.0) if stops else rng.uniform(15.0, 60.0)) / DT)
+        out[now : now + lasts] = 0.0 if stops else rng.choice([SPEED, SPEED, 2.0, 1.2])
+        now += lasts
+    return out
+
+
+def rounded(corners: Floats, radius: float, step: float = 1.0) -> Floats:
+    """(m, 2) points of a closed way, `step` [m] apart or less, with arcs instead of corners; from after the first."""
+    legs = np.roll(corners, -1, axis=0) - corners
+    length = np.hypot(*legs.T)
+    e = legs / length[:, None]
+    out: list[Floats] = []
+    for k in range(len(corners)):
+        a, b = e[k - 1], e[k]
+        turn = float(np.arctan2(a[0] * b[1] - a[1] * b[0], a @ b))
+        cut = radius * abs(np.tan(0.5 * turn))
+        side = np.array([-a[1], a[0]]) * np.sign(turn)
+        centre = corners[k] - cut * a + radius * side
+        angle = np.linspace(0.0, turn, max(int(radius * abs(turn) / step), 1) + 1)[:, None]
+        r = -radius * side
+        arc = centre + np.cos(angle) * r + np.sin(angle) * np.array([-r[1], r[0]])
+        c, d = e[(k + 1) % len(e)], e[k]
+        after = radius * abs(np.tan(0.5 * np.arctan2(d[0] * c[1] - d[1] * c[0], d @ c)))
+        straight = length[k] - cut - after
+        out += [arc, arc[-1] + b * np.arange(step, straight - 0.5 * step, step)[:, None]]
+    return np.vstack([*out[1:], out[0]])
