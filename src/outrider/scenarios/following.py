@@ -1,6 +1,7 @@
 """One aircraft that follows another in scenario files: `mission: lead` and `mission: follow`."""
 
 from collections.abc import Mapping
+from math import pi
 from typing import Annotated, Any, Final, Literal, cast
 
 import numpy as np
@@ -13,6 +14,7 @@ from outrider.guidance.rendezvous import Zones
 from outrider.io.checked import Flag, Whole, remedy
 from outrider.models.motion.following import FollowerModel
 from outrider.models.vehicles import AIR_INPUTS, Multirotor, Rotorcraft, Vehicle
+from outrider.safety.admissible import Fixes, admissible
 from outrider.safety.separation import Separation
 from outrider.scenarios.navigation import Put, navigator
 from outrider.scenarios.sections import Number, Part, inner_section, made_of, plain_value
@@ -21,7 +23,7 @@ from outrider.sim.truth import EPOCH, Place, Truth
 from outrider.sim.world import World
 from outrider.team.bearings import Bearings
 from outrider.team.leader import Leader, Legs, Spoof
-from outrider.team.pursuer import Fixed, Law, Pursuer, Style
+from outrider.team.pursuer import Adaptive, Fixed, Law, Pursuer, SetPoint, Style
 from outrider.team.trail import Aim, Trail
 from outrider.typing import Floats
 
@@ -29,6 +31,8 @@ Positive = Annotated[Number, Field(gt=0)]
 NotNegative = Annotated[Number, Field(ge=0)]
 Spell = tuple[NotNegative, Positive]
 TARGET: Final = cast("dict[str, Any]", plain_value(FollowerModel.target()))
+BEGINS_S: Final = 0.02  # s that a vehicle takes to begin with a command
+FALL: Final = 0.2  # m/s by which the set-point comes nearer
 KNOTS_S: Final = 0.2  # s between the knots of the spline that carries a leader
 CARRIED_HZ: Final = 100.0
 
@@ -51,6 +55,8 @@ class LeadMission(Part):
     """Share of its speed with which it passes a waypoint."""
     tells: str = "gnss"
     """The receiver of which it tells every fix."""
+    tells_velocity: str = "gnss_velocity"
+    """The stream of the velocity that it tells besides, if it has one of that name."""
     silent_s: tuple[Spell, ...] = ()
     """Spells in which it tells nothing."""
     spoofs: tuple[inner_section(Spoof), ...] = ()  # type: ignore[valid-type]
@@ -95,6 +101,9 @@ class FollowMission(Part):
     """m/s by which the target may come towards it of its own will."""
     target_lag_s: NotNegative = 0.5
     """How quickly the target changes its velocity."""
+    target_turn: NotNegative = 0.5 * pi
+    """By how much the target may change its course at once [rad]; pi: it may come back the way it went."""
+    target_turn_deg: Number | None = None
     degree: Annotated[Whole, Field(ge=1, le=8)] = 3
     """Of the Bezier curve: so many points of the trail, one a second."""
     aim: Literal["points", "end"] = "end"
@@ -106,6 +115,7 @@ class FollowMission(Part):
     wind: NotNegative = 0.0
     """m/s, of the wind that its filter estimates; 0: it knows of none."""
     gnss: str = "gnss"
+    velocity: str = "gnss_velocity"
     heading: str = ""
     """Streams that its filter hears. A heading is one only of a craft whose nose points where it flies."""
     command_s: Positive = 0.1
@@ -137,7 +147,8 @@ def leader(
     own = None if vehicle is None else navigator(carried, put, EPOCH, world, flies=True, robot=name)
     return Leader(
         name=name, legs=legs(mission, put[2]), datum=world.datum, start=EPOCH, tells=mission.tells, navigator=own,
-        silent_s=mission.silent_s, spoofs=tuple(made_of(Spoof, s) for s in mission.spoofs), clock_s=mission.clock_s,
+        tells_velocity=mission.tells_velocity, silent_s=mission.silent_s,
+        spoofs=tuple(made_of(Spoof, s) for s in mission.spoofs), clock_s=mission.clock_s,
         period_s=mission.period_s,
     )  # fmt: skip
 
@@ -192,19 +203,58 @@ def pursuer(
     bearings = Bearings(
         leader=mission.leader, own=FollowerFilter(model, settings),
         target=FollowerFilter(made_of(FollowerModel, mission.target)), datum=world.datum, start=EPOCH,
-        gnss=mission.gnss, heading=mission.heading if mission.heading in names else "", raw=mission.guides_on == "gps",
+        gnss=mission.gnss, velocity=mission.velocity,
+        heading=mission.heading if mission.heading in names else "", raw=mission.guides_on == "gps",
     )  # fmt: skip
     style = Style(
         far=Law[mission.far.upper()], near=Law[mission.near.upper()], speed=mission.speed, far_speed=mission.far_speed,
         target_speed=mission.target_speed or float("nan"), command_s=mission.command_s, latency_s=design.latency_s,
     )  # fmt: skip
     separation = Separation(
-        distance=zones.danger, period_s=mission.command_s, lag_s=design.tau_s, acceleration=design.acceleration,
-        speed=max(mission.speed, mission.far_speed), other_lag_s=mission.target_lag_s, approach=mission.approach,
+        distance=zones.danger, period_s=mission.command_s + BEGINS_S, lag_s=design.tau_s,
+        acceleration=design.acceleration, speed=max(mission.speed, mission.far_speed),
+        other_lag_s=mission.target_lag_s, turn=mission.target_turn, approach=mission.approach,
     )  # fmt: skip
     return Pursuer(
         name=name, bearings=bearings, zones=zones, style=style, separation=separation if mission.safety else None,
-        set_point=Fixed(m=mission.distance or zones.danger + 2.5),
+        set_point=_set_point(mission, separation, zones, _fixes(mission, carried, model), lead),
         trail=Trail(degree=mission.degree, aim_at=Aim[mission.aim.upper()]), home=np.array(put[:3]),
         period_s=mission.period_s,
     )  # fmt: skip
+
+
+def _set_point(
+    mission: FollowMission, separation: Separation, zones: Zones, fixes: Fixes, lead: LeadMission | None
+) -> SetPoint:
+    """How far away it stays; ConfigError where that cannot hold R_d, or lies outside the rendezvous zone."""
+    if not mission.safety:
+        return Fixed(m=mission.distance or zones.danger)
+    speed = 0.8 * mission.speed if lead is None else lead.fastest
+    answer = admissible(separation, fixes, speed, set_point=mission.distance)
+    if answer.set_point + zones.band > zones.zone:
+        what = f"it must stay {answer.set_point:.2f} m away, outside of a rendezvous zone of {zones.zone:g} m"
+        raise ConfigError(what, where="zones", fix=f"a zone of {answer.set_point + zones.outer:.1f} m or more")
+    return Adaptive(
+        separation=separation, fixes=fixes, wanted=mission.distance or 0.0, fall=FALL * mission.period_s,
+        now=answer.set_point,
+    )  # fmt: skip
+
+
+def _fixes(mission: FollowMission, carried: tuple[Any, ...], model: FollowerModel) -> Fixes:
+    """What it may expect of both receivers, from its own."""
+    by_name = {s.name: _bare(s) for s in carried}
+    own, velocity = by_name[mission.gnss], by_name.get(mission.velocity)
+    target = made_of(FollowerModel, mission.target)
+    return Fixes(
+        rate_hz=own.rate_hz, latency_s=getattr(own, "latency_s", 0.0) + mission.period_s,
+        sigma=max(getattr(own, "sigma", 1.0), getattr(own, "sigma_up", 0.0)),
+        velocity_sigma=float("inf") if velocity is None else velocity.sigma,
+        acceleration=max(target.acceleration, target.turn or 0.0), own_acceleration=model.acceleration,
+    )  # fmt: skip
+
+
+def _bare(sensor: Any) -> Any:
+    """A sensor without what is wrong with it."""
+    while hasattr(sensor, "sensor"):
+        sensor = sensor.sensor
+    return sensor

@@ -44,6 +44,7 @@ def follow_leader(cfg: Follow) -> Description:
     gnss = {
         "type": "gnss", "rate_hz": cfg.gnss_hz, "sigma": 0.15, "sigma_up": 0.25, "latency_s": cfg.latency_s,
     }  # fmt: skip
+    velocity = {"type": "gnss_velocity", "rate_hz": cfg.gnss_hz, "latency_s": cfg.latency_s}
     rotors = {"type": "rotorcraft"} if cfg.physics == "mujoco" else {"type": "multirotor"}
     leads = dict(BEHAVIOURS[cfg.target])
     if cfg.target == "speeds":
@@ -57,17 +58,18 @@ def follow_leader(cfg: Follow) -> Description:
         "team": {
             "target": {
                 "start": {"z": 10.0},
-                "sensors": [gnss],
+                "sensors": [gnss, velocity],
                 "mission": {"type": "lead", "speed": cfg.speed, **leads},
             },
             "follower": {
                 "vehicle": rotors,
                 "physics": cfg.physics,
                 "start": {"x": -15.0, "y": -5.0, "z": 8.0},
-                "sensors": [gnss, {"type": "heading", "rate_hz": 5.0, "sigma_deg": 3.0}],
+                "sensors": [gnss, velocity, {"type": "heading", "rate_hz": 5.0, "sigma_deg": 3.0}],
                 "mission": {
                     "type": "follow", "leader": "target", "speed": cfg.fastest, "far_speed": cfg.fastest,
                     "zones": {"danger": cfg.danger, "zone": cfg.zone}, "wind": 1.0 if cfg.wind > 0.0 else 0.0,
+                    "target_turn_deg": 180.0 if cfg.target == "reverse" else 90.0,
                 },
             },
         },

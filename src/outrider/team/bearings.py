@@ -86,6 +86,7 @@ class Bearings:
     datum: Datum
     start: int
     gnss: str = "gnss"
+    velocity: str = "gnss_velocity"
     heading: str = ""
     raw: bool = False
     clocks: Clocks = field(default_factory=Clocks)
@@ -113,6 +114,10 @@ class Bearings:
                         self.fix_s = max(self.fix_s, self.seconds(int(s.t[k])))
                     if np.isfinite(p[k]).all():
                         self._fixes.append((self.seconds(int(s.t[k])), p[k]))
+            elif s.name == self.velocity and s.kind is Kind.GNSS_VELOCITY:
+                for k in range(len(s)):
+                    var = np.where(np.isfinite(s.var[k]), s.var[k], 1.0)
+                    self._count("velocity", self.own.add_velocity(self.seconds(int(s.t[k])), s.z[k], var, now=now)[0])
             elif s.name == self.heading and s.kind is Kind.HEADING:
                 for k in range(len(s)):
                     angle, var = float(s.z[k, 0]), float(s.var[k, 0])
@@ -134,6 +139,8 @@ class Bearings:
         taken, now = self.seconds(fix.t), self.seconds(t)
         out = self.target.add_fix(taken, fix.p, fix.sigma**2, now=now).outcome
         self._count("target", out)
+        if out.good and np.isfinite(fix.v).all():
+            self._count("target velocity", self.target.add_velocity(taken, fix.v, fix.v_sigma**2, now=now).outcome)
         self.jumps = 0 if out.good else self.jumps + (out is Outcome.GATED)
         if out.good:
             self._delays.append(now - taken)

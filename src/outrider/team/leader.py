@@ -31,20 +31,24 @@ Window = tuple[float, float]  # s since the start
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TargetFix:
     """A satellite fix of the one that is followed. t : ns, on its clock;  p : (3,) m, site frame, and its standard
-    deviations sigma (3,)."""
+    deviations sigma (3,);  v : (3,) m/s or NaN where it tells none, and v_sigma (3,)."""
 
     t: int
     p: Floats
     sigma: Floats
+    v: Floats = field(default_factory=lambda: np.full(3, np.nan))
+    v_sigma: Floats = field(default_factory=lambda: np.full(3, np.inf))
 
     def message(self, sender: str, now: int) -> Message:
         """To everybody, sent at `now` [ns]."""
-        return Message(sender=sender, topic=FIX, t=now, data={"stamp": stamp(self.t), "p": self.p, "sigma": self.sigma})
+        data = {"stamp": stamp(self.t), "p": self.p, "sigma": self.sigma, "v": self.v, "v_sigma": self.v_sigma}
+        return Message(sender=sender, topic=FIX, t=now, data=data)
 
     @classmethod
     def of(cls, m: Message) -> "TargetFix":
         """From a message of that topic."""
-        return cls(t=stamped(m.data["stamp"]), p=m.data["p"], sigma=m.data["sigma"])
+        told = {name: m.data[name] for name in ("p", "sigma", "v", "v_sigma")}
+        return cls(t=stamped(m.data["stamp"]), **told)
 
 
 def stamp(t: int) -> Floats:
@@ -141,7 +145,8 @@ class Spoof:
 @final
 @dataclass(slots=True, kw_only=True)
 class Leader:
-    """An `Agent`. tells : the stream of its receiver, of which it tells every fix;  start : ns;  navigator : on which
+    """An `Agent`. tells : the stream of its receiver, of which it tells every fix, with the velocity
+    of the same moment in `tells_velocity`, if there is one;  start : ns;  navigator : on which
     it flies, None for a body that is carried;  silent_s : spells in which it tells nothing;  spoofs : what is wrong
     with what it tells;  clock_s : by which its clock is ahead;  turn : rad/s at most."""
 
@@ -150,6 +155,7 @@ class Leader:
     datum: Datum
     start: int
     tells: str = "gnss"
+    tells_velocity: str = "gnss_velocity"
     navigator: Navigator | None = None
     silent_s: tuple[Window, ...] = ()
     spoofs: tuple[Spoof, ...] = ()
@@ -182,9 +188,18 @@ class Leader:
             for k in np.flatnonzero(np.isfinite(p).all(axis=1)).tolist():
                 since = (int(s.t[k]) - self.start) * 1e-9
                 by = sum((np.array(x.by) for x in self.spoofs if x.spell_s[0] <= since < x.spell_s[1]), np.zeros(3))
-                fix = TargetFix(t=int(s.t[k]) + self._ahead, p=p[k] + by, sigma=sigma[k])
+                v, v_sigma = self._velocity(int(s.t[k]), records)
+                fix = TargetFix(t=int(s.t[k]) + self._ahead, p=p[k] + by, sigma=sigma[k], v=v, v_sigma=v_sigma)
                 out.append(fix.message(self.name, t))
         return out
+
+    def _velocity(self, t: int, records: Sequence[Stream]) -> tuple[Floats, Floats]:
+        """That of the moment t [ns], and its standard deviations; NaN without."""
+        for s in records:
+            rows = np.flatnonzero(s.t == t) if s.name == self.tells_velocity and s.kind is Kind.GNSS_VELOCITY else ()
+            for k in rows:
+                return s.z[k].copy(), np.sqrt(np.where(np.isfinite(s.var[k]), s.var[k], UNSTATED**2))
+        return np.full(3, np.nan), np.full(3, np.inf)
 
     def _times(self, t: int, inbox: Sequence[Message]) -> list[Message]:
         """What its clock says, to everybody who asks."""

@@ -6,9 +6,9 @@ taken back in time.
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
-from math import atan2, hypot, inf, nan
+from math import atan2, ceil, hypot, inf, nan
 from typing import Final, Protocol, final
 
 import numpy as np
@@ -21,6 +21,7 @@ from outrider.filters.following import Outcome
 from outrider.guidance.los import line_of_sight, zone_speed
 from outrider.guidance.pursuit import Pursuit, pursued
 from outrider.guidance.rendezvous import Rendezvous, Senses, Signal, Stage, Why, Zones, advance
+from outrider.safety.admissible import EASE, Fixes, adapted, least_set_point
 from outrider.safety.separation import Hold, Separation, kept_apart
 from outrider.team.bearings import Bearings, Known
 from outrider.team.follow import TURN, within
@@ -45,7 +46,7 @@ class SetPoint(Protocol):
     """How far away to stay."""
 
     def distance(self, target_speed: float, delay_s: float) -> float:
-        """m, from a target of that speed [m/s] known so late [s]; NaN where no distance is safe."""
+        """m, from a target of that speed [m/s] known so late [s], NaN: not yet known; NaN where no distance is safe."""
         ...
 
 
@@ -59,6 +60,35 @@ class Fixed:
     def distance(self, target_speed: float, delay_s: float) -> float:
         """See `SetPoint`."""
         return self.m
+
+
+@final
+@dataclass(slots=True, kw_only=True)
+class Adaptive:
+    """As near as the target's speed, the link's delay and the noise allow: farther at once, nearer by and by.
+
+    fixes : what is known of both, and when;  wanted : m, no nearer than that;  fall : m, a period, at most
+    """
+
+    separation: Separation
+    fixes: Fixes
+    wanted: float = 0.0
+    fall: float = 0.02
+    now: float = 0.0
+    _delay: float = -1.0
+    _spread: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def distance(self, target_speed: float, delay_s: float) -> float:
+        """See `SetPoint`."""
+        delay = max(ceil(10.0 * delay_s - 1e-6) / 10.0, 0.0) if delay_s == delay_s else self.fixes.latency_s
+        if delay != self._delay:
+            self._delay, self._spread = delay, replace(self.fixes, latency_s=delay).spread(self.separation.lag_s)
+        age, speed = 1.0 / self.fixes.rate_hz + delay, min(target_speed, 0.99 * self.separation.speed)
+        least = float(least_set_point(speed, age, *self._spread, self.separation.theta()))
+        if not least < inf:
+            return nan
+        self.now = float(adapted(self.now, max(least + EASE, self.wanted), self.fall))
+        return self.now
 
 
 @final
@@ -139,8 +169,7 @@ class Pursuer:
     def _goal(self, there: Known | None) -> float:
         """m to stay away; NaN where it cannot."""
         speed = 0.0 if there is None else float(np.linalg.norm(there.v))
-        delay = self.bearings.delay_s
-        return self.set_point.distance(speed, 0.0 if delay != delay else delay)
+        return self.set_point.distance(speed, self.bearings.delay_s)
 
     def _senses(self, t: int, here: Known | None, there: Known | None, goal: float) -> Senses:
         b, seconds = self.bearings, self.bearings.seconds(t)
