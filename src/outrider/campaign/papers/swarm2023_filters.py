@@ -1,5 +1,6 @@
 """swarm2023's filters: Table 1 with its own tunings, the same filters on equal footing, and what tuning does."""
 
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -202,16 +203,21 @@ def tuning(work: Work) -> Picture | None:
 
 def ranks(work: Work) -> Picture | None:
     """RMSE by filter: with the printed tunings, with one tuning, with the true noise."""
-    parts = [equal(work), filters(work)]
-    rows = [r for t in parts for r in t.rows if r.name.endswith("F, xyz") and "late" not in r.group]
-    rows = [r for r in rows if "blocked" not in r.group and "4 s" not in r.group and "alone" not in r.group]
+    even, honest = equal(work).rows, filters(work).rows
+    rows = [r for r in even if "full" in r.group]
+    rows += [replace(r, group="the true noise for all, full signal") for r in honest
+             if r.group == "full signal" and r.name in ("EKF, xyz", "UKF, xyz", "EnKF, xyz")]  # fmt: skip
     if not rows:
         return None
 
     def draw() -> object:
         from outrider.plot.papers import values_figure
 
-        return values_figure([plain_row(r) for r in rows])
+        of_paper = [
+            Row(name=f"{m}, xyz", group="swarm2023, one run", unit="m", printed=v[3])
+            for m, v in zip(METHODS[1:], LOCALISATION["full signal"][1:], strict=True)
+        ]
+        return values_figure([plain_row(r) for r in (*of_paper, *rows)])
 
     caption = "Full signal, no latency: the order of the filters is the order of their tunings."
     return Picture(key="ranks", title="Whose tuning?", draw=draw, caption=caption)
