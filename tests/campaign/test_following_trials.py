@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 
-from outrider.campaign.following import Flown, Scene, Tuning, fly, following, records, target
+from outrider.campaign.following import SLOWEST, Flown, Scene, Tuning, fly, following, records, target
 from outrider.campaign.following_tunings import BLOCKED, FULL
 from outrider.errors import ConfigError
+from outrider.filters.following import FollowerFilter, Following
 from outrider.filters.following.records import Seen
-from outrider.models.motion.following import Variant
+from outrider.filters.following.runs import EKF, run
+from outrider.models.motion.following import FollowerModel, Variant
 
 CALM = Scene(gust=0.0)
 
@@ -53,6 +55,39 @@ def test_records_are_those_of_the_second_and_of_the_tuning():
     np.testing.assert_array_equal(printed.r[8], BLOCKED["UKF"].r)
     np.testing.assert_allclose(printed.u, Variant.INCREMENT.inputs(flown.u[:-1]))
     assert printed.z[8, 5] == 0.0 < printed.z[3, 5]
+
+
+@pytest.mark.parametrize(("late", "wind"), [(0.0, 0.0), (0.3, 0.0), (0.3, 0.2)])
+def test_online_and_over_the_whole_flight_it_is_one_filter(late, wind):
+    """Records as they come, late, against the batch in the order of time."""
+    scene, tuning = Scene(latency=late, outage=3, seconds=14, wind=0.3), Tuning(wind=wind)
+    flown = fly(scene, 5)
+    log, x0, P0, rows = records(flown, scene, tuning, "EKF")
+    track = run(EKF, log, x0, P0)
+    a = tuning.acceleration
+    model = FollowerModel(acceleration=a, acceleration_z=0.5 * a, wind=tuning.wind_walk if wind else 0.0)
+    f = FollowerFilter(model, Following(velocity=0.05, wind=wind, slowest=SLOWEST, gate=1e9))
+    r = np.full(3, tuning.sigma**2)
+    f.add_fix(0.0, flown.fix[0], r)
+    x, P = f._states[0].x, f._states[0].P
+    x[:], P[...] = x0, P0  # the batch knows how little vertical wind there is
+    for k in range(flown.x.shape[0]):
+        if k:
+            f.add_course(float(k), flown.nose[k], scene.heading**2, heading=True)
+            if flown.came[k]:
+                f.add_fix(k - late, flown.fix[k], r, now=float(k))
+            b = f.belief(float(k))
+            np.testing.assert_allclose(b.x, track.x[rows][k - 1], atol=1e-9)
+            np.testing.assert_allclose(b.P, track.P[rows][k - 1], atol=1e-9)
+        f.add_command(float(k), flown.u[k])
+
+
+def test_guided_by_estimates_it_flies_elsewhere_and_the_filter_is_none_the_worse():
+    ways = {by: following({"guided": by, "kinds": ["EKF"], "latency": 0.3}, 4) for by in ("fixes", "estimate")}
+    assert ways["fixes"]["aim"] != ways["estimate"]["aim"] < 10.0
+    assert abs(ways["fixes"]["EKF_xyz"] - ways["estimate"]["EKF_xyz"]) < 0.02
+    with pytest.raises(ConfigError, match="guided by"):
+        following({"guided": "hope"}, 0)
 
 
 def test_printed_tunings_by_their_first_and_last_entries():

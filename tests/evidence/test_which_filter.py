@@ -12,6 +12,7 @@ import pytest
 from outrider.campaign.papers.model import Work
 from outrider.campaign.papers.swarm2023_filters import (
     EQUAL_CASES,
+    GUIDED,
     HONEST,
     LATE,
     PAPER_CASES,
@@ -116,6 +117,12 @@ def printed(page: Page, done: Trials, equal: Trials) -> None:
     page.show("printed tunings make the UKF look better by", f"{1 - ratio:.0%}", ">= 5 %", ratio <= 0.95)
 
 
+def guided(page: Page, done: Trials) -> None:
+    for group, case in GUIDED.items():
+        page.mean(f"{group}: EKF", done, case, "EKF_xyz")
+        page.show(f"{group}: aim", f"{exactly(done, case, 'aim').mean():.2f} deg")
+
+
 def swept(page: Page, done: Trials, noise: Trials) -> None:
     for ran, cases, values, what in ((done, SWEEP_CASES, SWEEP, "gusts"), (noise, SIGMA_CASES, SIGMAS, "fixes")):
         means = {m: [float(exactly(ran, c, f"EKF_{m}").mean()) for c in cases] for m in ("xyz", "nees", "likelihood")}
@@ -140,6 +147,7 @@ def test_which_filter() -> None:
     honest(page, ran("filters", list(HONEST.values())))
     blocked(page, ran("wind", list(WIND.values())))
     printed(page, ran("paper", PAPER_CASES), ran("equal", EQUAL_CASES))
+    guided(page, ran("guided", list(GUIDED.values())))
     swept(page, ran("sweep", SWEEP_CASES), ran("sigma", SIGMA_CASES))
     known = "; ".join(f"{what} ({why})" for what, why in KNOWN.items())
     text = (

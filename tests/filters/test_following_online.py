@@ -170,6 +170,17 @@ def test_bad_records_are_named_and_change_nothing(t, z, r, said):
     np.testing.assert_allclose(f.belief(8.0).x, before.x, atol=1e-12)
 
 
+def test_a_receiver_that_repeats_itself_tells_nothing_new():
+    f = FollowerFilter(MODEL)
+    assert f.add_fix(0.0, np.zeros(3), R).outcome is Outcome.STARTED
+    for _ in range(3):
+        assert f.add_fix(0.0, np.zeros(3), R).outcome is Outcome.REPEATED
+    np.testing.assert_allclose(np.diag(f.belief(0.0).P)[:3], R)
+    height = np.array([np.inf, np.inf, 0.01])
+    assert f.add_fix(0.0, np.zeros(3), height).outcome is Outcome.USED
+    assert f.add_fix(0.0, np.zeros(3), height).outcome is Outcome.REPEATED
+
+
 def test_a_clock_that_is_ahead_is_named_however_often():
     f = running()
     said = {f.add_fix(t + 0.4, np.zeros(3), R, now=t).outcome for t in (7.0, 8.0, 9.0)}

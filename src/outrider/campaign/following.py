@@ -1,8 +1,8 @@
 """Three Kalman filters on the same flights of a following drone: same model, same Q and R, same records.
 
 The flight is swarm2023's localisation: the target goes along four waypoints at 2 m/s, the follower flies towards the
-target's last fix at 1 m/s on raw fixes of 1 Hz; truth answers its commands with a lag, gusts and a wind. Every filter
-gets the commands, the fixes and the direction of the nose, and nothing else.
+target's last fix at 1 m/s on raw fixes of 1 Hz, or on estimates; truth answers its commands with a lag, gusts and a
+wind. Every filter gets the commands, the fixes and the direction of the nose, and nothing else.
 """
 
 from collections.abc import Mapping
@@ -16,12 +16,14 @@ from outrider.campaign.following_tunings import BLOCKED, FULL, VARIANTS
 from outrider.campaign.trials import Params
 from outrider.errors import ConfigError
 from outrider.eval import chi_square
+from outrider.filters.following import Following, RelativeFilter
 from outrider.filters.following.records import Log, Seen, Track
 from outrider.filters.following.runs import EKF, ENKF, UKF, Kind, run, smoothed
 from outrider.models.motion.following import STEP, FollowerModel, Variant, lag_step, literal_step
 from outrider.typing import Bools, Floats
 
 STEPS: Final = 10  # of truth, a second
+SLOWEST: Final = 0.4  # m/s, below which nobody takes the nose for a direction of flight
 WAYPOINTS: Final = np.array([[0.0, 7.0, 7.0], [10.0, 9.0, 7.0], [13.0, 25.0, 7.0], [15.0, 1.0, 7.0]])
 START: Final = np.array([-3.0608, 7.173, 7.0])
 ROOT: Final = Kind("EnKF root", members=900, square_root=True)
@@ -33,7 +35,8 @@ KINDS: Final = {k.name: k for k in (EKF, UKF, ENKF, ROOT, SMALL, SMALL_ROOT)}
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scene:
-    """What happens. latency [s] of fixes, a multiple of 0.1;  outage : fixes lost from `outage_from` for so long [s]"""
+    """What happens. latency [s] of fixes, a multiple of 0.1;  outage : fixes lost from `outage_from` for so long [s];
+    guided : by raw fixes, as swarm2023's drone, or by what `FollowerFilter` makes of ours and the target's."""
 
     seconds: int = 30
     latency: float = 0.0
@@ -44,6 +47,7 @@ class Scene:
     lag: float = 0.5  # s
     sigma: float = 0.15  # m, fixes, each axis
     heading: float = 0.1  # rad
+    guided: str = "fixes"  # or "estimate"
 
 
 @final
@@ -68,13 +72,14 @@ class Tuning:
 @dataclass(frozen=True, slots=True)
 class Flown:
     """At every second k: truth (K, 6), fixes as they came (K, 3), whether one came (K,), commands from then on (K, 3),
-    direction of the nose (K,) [rad]."""
+    direction of the nose (K,) [rad], and how far the command was off the true line to the target (K,) [rad]."""
 
     x: Floats
     fix: Floats
     came: Bools
     u: Floats
     nose: Floats
+    aim: Floats
 
 
 def following(params: Params, seed: int) -> Mapping[str, Any]:
@@ -82,11 +87,13 @@ def following(params: Params, seed: int) -> Mapping[str, Any]:
     names in `KINDS` (EKF, UKF, EnKF).
 
     Returns for "GPS", each filter and "RTS" (with EKF): RMSE x, y, xy, xyz [m] over the seconds, the error `end` [m]
-    when the last lost fix is due, `nees` per degree of freedom of position and velocity, `likelihood` of a second.
+    when the last lost fix is due; for filters `nees` per degree of freedom of position and velocity, and `likelihood`
+    of a second. Also `aim` [deg], RMS of the command's direction off the true line to the target.
     """
     scene, tuning, kinds = _read(params)
     flown = fly(scene, seed)
     out = _scores("GPS", flown.fix - flown.x[:, :3], scene)
+    out["aim"] = float(np.degrees(np.sqrt(np.mean(flown.aim[1:] ** 2))))
     for kind in kinds:
         log, x0, P0, rows = records(flown, scene, tuning, kind.name)
         track = run(kind, log, x0, P0, np.random.default_rng((seed, kind.members, 1)))
@@ -107,6 +114,8 @@ def _read(params: Params) -> tuple[Scene, Tuning, list[Kind]]:
         strange = sorted(set(have) - {f.name for f in fields(allowed)})
         if strange:
             raise ConfigError(f"no parameter '{strange[0]}' of following", fix="name a field of Scene or Tuning")
+    if given.get("guided", "fixes") not in ("fixes", "estimate"):
+        raise ConfigError(f"guided by '{given['guided']}'", fix="fixes or estimate")
     unknown = [n for n in names if n not in KINDS]
     if unknown:
         raise ConfigError(f"no filter '{unknown[0]}'", fix=f"there are: {', '.join(KINDS)}")
@@ -114,7 +123,7 @@ def _read(params: Params) -> tuple[Scene, Tuning, list[Kind]]:
 
 
 def fly(scene: Scene, seed: int) -> Flown:
-    """Truth, records and commands of a flight, guided by raw fixes; the last one is held while there is none."""
+    """Truth, records and commands of a flight; raw fixes are held while there are none."""
     rng, h, K = np.random.default_rng(seed), 1.0 / STEPS, scene.seconds + 1
     c = np.zeros((3, STEP))
     truth = FollowerModel(
@@ -132,7 +141,8 @@ def fly(scene: Scene, seed: int) -> Flown:
     wind = scene.wind * np.array([np.cos(side), np.sin(side), 0.0])
     late = round(scene.latency * STEPS)
     p, v, path = START.copy(), np.zeros(3), np.zeros((K * STEPS, 3))
-    x, fix, u, nose = np.zeros((K, 6)), np.zeros((K, 3)), np.zeros((K, 3)), np.zeros(K)
+    x, fix, u, nose, aim = np.zeros((K, 6)), np.zeros((K, 3)), np.zeros((K, 3)), np.zeros(K), np.zeros(K)
+    own, goals = (_Onboard(scene) if scene.guided == "estimate" else None), target(np.arange(0.0, K))
     came = np.ones(K, np.bool_)
     came[scene.outage_from : scene.outage_from + scene.outage] = False
     for k in range(K):
@@ -141,11 +151,40 @@ def fly(scene: Scene, seed: int) -> Flown:
         fix[k] = taken + noise[k] if came[k] else fix[k - 1]
         air = v - wind
         nose[k] = np.arctan2(air[1], air[0]) + nose_noise[k]
-        line = seen[k, :2] - fix[k, :2]
+        here, there = fix[k], seen[k]
+        if own is not None:
+            here, there = own.see(k, fix[k] if came[k] else None, seen[k], nose[k])
+        line = there[:2] - here[:2]
         u[k, :2] = line / max(float(np.hypot(*line)), 1e-9)
+        if own is not None:
+            own.pair.own.add_command(float(k), u[k])
+        true = goals[k, :2] - p[:2]
+        aim[k] = np.arctan2(u[k, 0] * true[1] - u[k, 1] * true[0], u[k, :2] @ true)
         rows = slice(k * STEPS, (k + 1) * STEPS)
         answer(p, v, u[k] + wind, c, roots, shocks[rows], path[rows])
-    return Flown(x, fix, came, u, nose)
+    return Flown(x, fix, came, u, nose, aim)
+
+
+@final
+class _Onboard:
+    """What guides on estimates: ours, and the target's brought up to now."""
+
+    def __init__(self, scene: Scene) -> None:
+        gust = max(scene.gust, 0.05)
+        model = FollowerModel(lag=scene.lag, lag_z=scene.lag, acceleration=gust, acceleration_z=0.5 * gust, wind=0.005)
+        target = FollowerModel.target(acceleration=0.5, turn=1.0, acceleration_z=0.1)
+        self.pair = RelativeFilter(model, target, Following(velocity=0.05, wind=0.2, slowest=SLOWEST))
+        self.scene = scene
+
+    def see(self, k: int, fix: Floats | None, seen: Floats, nose: float) -> tuple[Floats, Floats]:
+        """(p, p of the target) at second k, from what has come."""
+        taken, s = max(k - self.scene.latency, 0.0), self.scene
+        r = np.full(3, s.sigma**2)
+        if fix is not None:
+            self.pair.own.add_fix(taken, fix, r)
+        self.pair.own.add_course(float(k), nose, s.heading**2, heading=True)
+        self.pair.target.add_fix(taken, seen, r)
+        return self.pair.own.belief(float(k)).p, self.pair.target.belief(float(k)).p
 
 
 @kernel

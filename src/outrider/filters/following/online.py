@@ -99,7 +99,9 @@ class Following:
 
 
 class _Event(NamedTuple):
-    """A command (at -1, z the velocity), a position (0), a velocity (3), a heading (7) or a course (8)."""
+    """A position (at 0), a velocity (3), a heading (7), a course (8) or a command (9, z the velocity).
+
+    Of one moment they act in this order, whichever came first."""
 
     t: float
     at: int
@@ -119,7 +121,7 @@ class _State(NamedTuple):
     fix_t: float
 
 
-_COMMAND, _POSITION, _VELOCITY, _HEADING, _COURSE = -1, 0, 3, 7, 8
+_POSITION, _VELOCITY, _HEADING, _COURSE, _COMMAND = 0, 3, 7, 8, 9
 
 
 @final
@@ -236,9 +238,11 @@ class FollowerFilter:
         """Put an event where it belongs and redo what follows it."""
         if event.t < self._states[0].t:
             return Fused(Outcome.TOO_OLD, np.nan)
-        k = bisect_right(self._events, event.t, key=lambda e: e.t)
+        k = bisect_right(self._events, (event.t, event.at), key=lambda e: (e.t, e.at))
         same = (e for e in reversed(self._events[:k]) if e.t == event.t and e.at == event.at)
-        if event.at == _POSITION and any(np.isfinite(e.r[0]) == np.isfinite(event.r[0]) for e in same):
+        level = bool(np.isfinite(event.r[0]))
+        first = level and event.t == self._states[0].fix_t
+        if event.at == _POSITION and (first or any(np.isfinite(e.r[0]) == level for e in same)):
             return Fused(Outcome.REPEATED, np.nan)
         self._events.insert(k, event)
         del self._states[k + 1 :]
