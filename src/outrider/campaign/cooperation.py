@@ -35,6 +35,19 @@ def cooperation(params: Params, seed: int) -> Mapping[str, Any]:
     Returns means and spreads over time of errors: position [m], heading, yaw, tilt and attitude [deg], velocity [m/s],
     rate [deg/s]; NEES per degree of freedom of the pose, its mean and once a second.
     """
+    done, told, times = _run(params, seed)
+    means = {k: v for name, e in series(done, times).items() for k, v in _spread(name, e).items()}
+    honest = {k: v for name in done.members for k, v in _honesty(name, *_pose(done, name, times)).items()}
+    return {**means, **honest, **told}
+
+
+def over_time(params: Params, seed: int) -> tuple[Floats, dict[str, Floats]]:
+    """Times (n,) [s] and every error (n,) of one run; see `cooperation`."""
+    done, _, times = _run(params, seed)
+    return times, series(done, times)
+
+
+def _run(params: Params, seed: int) -> tuple[TeamEstimate, dict[str, float], Floats]:
     given: dict[str, Any] = dict(params)
     on_air = {name: float(given.pop(name)) for name in ("loss", "delay_s", "jitter_s") if name in given}
     method, faults, tuning = _read(given)
@@ -59,7 +72,7 @@ def cooperation(params: Params, seed: int) -> Mapping[str, Any]:
             "telegrams": heard.telegrams, "received": heard.received, "sent_mb": heard.sent_bytes * 1e-6,
             "refused": heard.refused.total(), "isolated": len(heard.isolated),
         }  # fmt: skip
-    return {**_ground(done, way, times), **_air(done, way, times), **told}
+    return done, told, times
 
 
 def _places(way: Tours) -> Places:
@@ -86,39 +99,49 @@ def _read(params: Params) -> tuple[Method, Faults, Tuning]:
     return method, faults, tuning
 
 
-def _ground(done: TeamEstimate, way: Tours, times: Floats) -> dict[str, Any]:
-    layout, x, truth = LAYOUTS[Motion.DRIFTING], done.x["ugv"], way.ugv.select(_rows(times))
-    heading = np.arctan2(*quats_to_matrices(truth.q)[:, [1, 0], 0].T)
-    e = np.column_stack([x[:, layout.state("position")] - truth.p[:, :2], x[:, layout.state("heading")]])
-    e[:, 2] = wrap_all(e[:, 2] - heading)
+def series(done: TeamEstimate, times: Floats) -> dict[str, Floats]:
+    """Errors (n,) of both robots: position [m], heading, yaw, tilt and attitude [deg], velocity [m/s], rate [deg/s]."""
+    return {**_ground(done, times), **_air(done, times)}
+
+
+def _pose(done: TeamEstimate, name: str, times: Floats) -> tuple[Floats, Floats]:
+    """Errors (n, p) of position and heading, and their covariances."""
+    x, truth, flies = done.x[name], tours().of(name).select(_rows(times)), name == "uav"
+    layout = LAYOUTS[Motion.EULER if flies else Motion.DRIFTING]
+    R = quats_to_matrices(truth.q)
+    turn = x[:, layout.state("yaw" if flies else "heading")][:, 0] - np.arctan2(R[:, 1, 0], R[:, 0, 0])
+    e = np.column_stack([x[:, layout.state("position")] - truth.p[:, : 3 if flies else 2], wrap_all(turn)])
+    return e, done.pose_covariance(name)
+
+
+def _ground(done: TeamEstimate, times: Floats) -> dict[str, Floats]:
+    layout, x, truth = LAYOUTS[Motion.DRIFTING], done.x["ugv"], tours().ugv.select(_rows(times))
+    e = _pose(done, "ugv", times)[0]
     turned = x[:, layout.state("yaw_rate")][:, 0] - truth.w[:, 2]
     return {
-        **_spread("ugv_position", np.hypot(e[:, 0], e[:, 1])),
-        **_spread("ugv_heading", np.degrees(np.abs(e[:, 2]))),
-        **_spread("ugv_velocity", np.linalg.norm(x[:, layout.state("velocity")] - truth.v[:, :2], axis=1)),
-        **_spread("ugv_rate", np.degrees(np.abs(turned))),
-        **_honesty("ugv", e, done.pose_covariance("ugv")),
+        "ugv_position": np.hypot(e[:, 0], e[:, 1]),
+        "ugv_heading": np.degrees(np.abs(e[:, 2])),
+        "ugv_velocity": np.linalg.norm(x[:, layout.state("velocity")] - truth.v[:, :2], axis=1),
+        "ugv_rate": np.degrees(np.abs(turned)),
     }
 
 
-def _air(done: TeamEstimate, way: Tours, times: Floats) -> dict[str, Any]:
-    layout, x, truth = LAYOUTS[Motion.EULER], done.x["uav"], way.uav.select(_rows(times))
+def _air(done: TeamEstimate, times: Floats) -> dict[str, Floats]:
+    layout, x, truth = LAYOUTS[Motion.EULER], done.x["uav"], tours().uav.select(_rows(times))
     R = quats_to_matrices(truth.q)
     angles = np.column_stack([x[:, layout.state(name)][:, 0] for name in ("yaw", "pitch", "roll")])
-    true_yaw = np.arctan2(R[:, 1, 0], R[:, 0, 0])
-    e = np.column_stack([x[:, layout.state("position")] - truth.p, wrap_all(angles[:, 0] - true_yaw)])
+    e = _pose(done, "uav", times)[0]
     estimated = quats_to_matrices(rpy_to_quats(np.ascontiguousarray(angles[:, ::-1])))
     trace = np.clip(0.5 * (np.einsum("nij,nij->n", R, estimated) - 1.0), -1.0, 1.0)
     tilt = np.arccos(np.clip(np.sum(R[:, 2] * estimated[:, 2], axis=1), -1.0, 1.0))
     rate = _body_rates(angles, x[:, layout.state("euler_rate")])
     return {
-        **_spread("uav_position", np.linalg.norm(e[:, :3], axis=1)),
-        **_spread("uav_yaw", np.degrees(np.abs(e[:, 3]))),
-        **_spread("uav_tilt", np.degrees(tilt)),
-        **_spread("uav_attitude", np.degrees(np.arccos(trace))),
-        **_spread("uav_velocity", np.linalg.norm(x[:, layout.state("velocity")] - truth.v, axis=1)),
-        **_spread("uav_rate", np.degrees(np.linalg.norm(rate - truth.w, axis=1))),
-        **_honesty("uav", e, done.pose_covariance("uav")),
+        "uav_position": np.linalg.norm(e[:, :3], axis=1),
+        "uav_yaw": np.degrees(np.abs(e[:, 3])),
+        "uav_tilt": np.degrees(tilt),
+        "uav_attitude": np.degrees(np.arccos(trace)),
+        "uav_velocity": np.linalg.norm(x[:, layout.state("velocity")] - truth.v, axis=1),
+        "uav_rate": np.degrees(np.linalg.norm(rate - truth.w, axis=1)),
     }
 
 

@@ -112,16 +112,19 @@ def _cooperation(done: Mapping[str, Any]) -> None:
 def _sensors(done: Mapping[str, Any]) -> None:
     """Every sensor's agreement and part; with `ablate` what is lost without it."""
     out = console()
+    told = done["sensors"]
     shown = ["sensor", ">used", ">refused", ">NIS/dof", ">in 95 % bound", ">1 s of it is worth"]
     left_out = {(a["robot"], a["sensor"]): a["robots"] for a in done["ablation"] or ()}
     if left_out:
         shown += [f">without it: {name}" for name in done["robots"]]
     table = table_of(*shown)
-    for s in done["sensors"]:
+    for s in told:
         name = f"{s['robot']}/{s['sensor']}" + (f" of {s['partner']}" if s["partner"] else "")
+        if sum((x["robot"], x["sensor"], x["partner"]) == (s["robot"], s["sensor"], s["partner"]) for x in told) > 1:
+            name += f" {s['kind']}"
         worth = NONE if s["worth_in_1_s"] is None else f"{number(s['worth_in_1_s'])} {s['unit']}"
-        told = (NONE, NONE) if s["nis_per_dof"] is None else (f"{s['nis_per_dof']:.2f}", f"{s['in_bound']:.0%}")
-        row = [escape(name), str(s["used"]), str(s["refused"]), *told, worth]
+        agrees = (NONE, NONE) if s["nis_per_dof"] is None else (f"{s['nis_per_dof']:.2f}", f"{s['in_bound']:.0%}")
+        row = [escape(name), str(s["used"]), str(s["refused"]), *agrees, worth]
         for n, r in done["robots"].items() if left_out else ():
             other = left_out[s["robot"], s["sensor"]][n]
             row.append(f"{number(other['position_m'])} m, {1e3 * (other['position_m'] - r['position_m']):+.1f} mm")
