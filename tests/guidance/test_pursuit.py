@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from outrider.errors import ConfigError
-from outrider.guidance.pursuit import Pursuit, closing_speed, pursued
+from outrider.guidance.pursuit import Pursuit, closing_speed, hasten, pursued
 
 LAW = Pursuit(speed=2.5, gain=0.5, brake=1.0)
 
@@ -82,3 +82,16 @@ def test_at_the_very_place_of_the_target_it_falls_back() -> None:
 def test_impossible_numbers_are_refused() -> None:
     with pytest.raises(ConfigError, match="gain"):
         Pursuit(speed=2.0, gain=0.0)
+
+
+def test_hastened_commands_answer_in_a_share_of_the_lag() -> None:
+    v, want = np.array([1.0, 0.0, 0.0]), np.array([0.5, 0.4, 0.0])
+    for k in range(20):
+        out = want.copy()
+        hasten(v, 0.25, 9.0, out)
+        v = v + (out - v) * 0.01 / 1.0  # lag 1 s
+        exact = want + (np.array([1.0, 0.0, 0.0]) - want) * (1.0 - 0.01 / 0.25) ** (k + 1)
+        np.testing.assert_allclose(v, exact, atol=1e-12)
+    out = np.array([9.0, 0.0, 9.0])
+    hasten(np.zeros(3), 0.5, 2.5, out)
+    np.testing.assert_allclose(out, np.array([1.0, 0.0, 1.0]) * 2.5 / 2**0.5)

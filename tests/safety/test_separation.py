@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from outrider.errors import ConfigError
-from outrider.safety.separation import Hold, Separation, kept_apart, largest_approach, lowest
+from outrider.safety.separation import Hold, Separation, brake, kept_apart, largest_approach, lowest
 
 SMALL = settings(max_examples=60, deadline=None)
 LIKE = Separation(distance=3.0, period_s=0.1, lag_s=1.0, acceleration=5.0, speed=2.5, other_lag_s=1.0)
@@ -141,18 +141,13 @@ def test_the_same_place_cannot_hold() -> None:
 
 
 def test_the_assured_brake_is_below_what_the_vehicle_can() -> None:
-    for lag, a, V, approach in (
-        (1.0, 5.0, 2.5, 0.0),
-        (0.5, 5.0, 2.5, 2.0),
-        (0.0, 3.0, 8.0, 1.0),
-        (1.0, 1.0, 12.0, 3.0),
-    ):
-        limits = Separation(distance=3.0, lag_s=lag, acceleration=a, speed=V, approach=approach)
-        tau, back = limits.brake()
-        for v in np.linspace(-approach, V, 9):
+    vehicles = ((1.0, 5.0, 2.5, 0.0), (0.5, 5.0, 2.5, 2.0), (0.0, 3.0, 8.0, 1.0), (1.0, 1.0, 12.0, 3.0))
+    for lag, a, V, back in vehicles:
+        theta = Separation(distance=3.0, lag_s=lag, acceleration=a, speed=V).theta()
+        tau, v_b = brake(-back, V, theta)
+        for v in np.linspace(-back, V, 9):
             can = a if lag == 0.0 else min(a, (v + V) / lag)
-            assert (v + back) / tau <= can + 1e-4
-        assert (back - approach) / tau > 0.0
+            assert 0.0 < (v + v_b) / tau <= can + 1e-4
 
 
 @pytest.mark.parametrize("name", ["distance", "period_s", "speed", "acceleration"])

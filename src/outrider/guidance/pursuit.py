@@ -64,6 +64,20 @@ def pursue(p: Floats, q: Floats, w: Floats, age: float, set_point: float, theta:
     )
 
 
+@kernel
+def hasten(v: Floats, share: float, speed: float, out: Floats) -> None:
+    """out (3,) <- the command with which a vehicle of velocity v (3,) answers in `share` of its lag to `out`.
+
+    v' = (u - v) / lag  with  u = v + (u_0 - v) / share  is  v' = (u_0 - v) / (share lag),  until |u| <= speed binds.
+    """
+    for i in range(3):
+        out[i] = v[i] + (out[i] - v[i]) / share
+    fast = sqrt(out[0] * out[0] + out[1] * out[1] + out[2] * out[2])
+    if fast > speed:
+        for i in range(3):
+            out[i] *= speed / fast
+
+
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pursuit:

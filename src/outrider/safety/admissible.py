@@ -16,7 +16,7 @@ from outrider.typing import Floats
 
 FARTHEST: Final = 64.0  # m beyond R_d, at which the search begins
 HALVINGS: Final = 14
-EASE: Final = 0.1  # m more than the least, so that noise does not make the filter intervene all the time
+EASE: Final = 0.03  # m more than the least, so that noise does not make the filter intervene all the time
 
 
 @kernel
@@ -52,7 +52,7 @@ class Fixes:
     rate_hz : of the fixes;  latency_s : how old one is when it arrives;  sigma : m, each axis
     velocity_sigma : m/s, each axis, infinite for a receiver (or a link) that tells no velocity
     acceleration : m/s^2 per sqrt(Hz), what the filter expects of the target;  own_acceleration : of what disturbs the
-    follower, 0.15 in calm air, 0.3 in a moderate wind
+    follower, 0.1 in calm air, 0.3 in a moderate wind
     """
 
     rate_hz: float = 1.0
@@ -60,7 +60,7 @@ class Fixes:
     sigma: float = 0.15
     velocity_sigma: float = 0.05
     acceleration: float = 1.0
-    own_acceleration: float = 0.15
+    own_acceleration: float = 0.1
 
     def __post_init__(self) -> None:
         for name in ("rate_hz", "sigma", "acceleration", "own_acceleration"):

@@ -31,13 +31,14 @@ CANNOT_HOLD: Final = 3
 UNKNOWN: Final = 4
 TIMES: Final = 12  # at which the gap is looked at, before the least is refined
 NARROWED: Final = 15
+SPARE: Final = 0.98  # of its speed, at which it retreats; what comes faster is answered no longer than that
 GOLDEN: Final = 0.6180339887498949
 REGAIN: Final = 1.0  # 1/s
 _LONGEST: Final = 1e6  # s, a brake that does not depend on speed
 _NEAR: Final = 1e-9  # m
 
 # theta: see `Separation.theta`
-T_DISTANCE, T_PERIOD, T_LAG, T_SPEED, T_BRAKE, T_BACK, T_OTHER, T_APPROACH, T_SIGMAS, T_TURN = range(10)
+T_DISTANCE, T_PERIOD, T_LAG, T_SPEED, T_ACCELERATION, T_OTHER, T_APPROACH, T_SIGMAS, T_TURN = range(9)
 
 
 class Hold(Enum):
@@ -55,12 +56,25 @@ HOLDS: Final = tuple(Hold)
 
 
 @kernel
+def brake(slowest: float, fastest: float, theta: Floats) -> tuple[float, float]:
+    """(tau_b [s], v_b [m/s]) of a deceleration (v + v_b) / tau_b that the vehicle can reach at all these velocities.
+
+    The chord of min(acceleration, (v + speed) / lag), which is concave, between `slowest` and `fastest` [m/s].
+    """
+    lag, most, V = theta[T_LAG], theta[T_ACCELERATION], theta[T_SPEED]
+    a = min(most, (slowest + V) / lag) if lag > 0.0 else most
+    b = min(most, (fastest + V) / lag) if lag > 0.0 else most
+    tau = 1.0 / max((b - a) / max(fastest - slowest, _NEAR), 1.0 / _LONGEST)
+    return tau, a * tau - slowest
+
+
+@kernel
 def bears(
     t: float, gap: float, v: float, s: float, low: float, age: float, pp: float, pv: float, vv: float, debt: float,
-    theta: Floats,
+    tau_b: float, v_b: float, theta: Floats,
 ) -> float:  # fmt: skip
     """The largest command that keeps the distance at one time, t [s] after the period in which it acts."""
-    lag, tau_b, v_b, tau_o, period = theta[T_LAG], theta[T_BRAKE], theta[T_BACK], theta[T_OTHER], theta[T_PERIOD]
+    lag, tau_o, period = theta[T_LAG], theta[T_OTHER], theta[T_PERIOD]
     answer = 1.0 - exp(-period / lag) if lag > 0.0 else 1.0
     stop = -tau_b * expm1(-t / tau_b)
     lever = tau_o * (1.0 - exp(-(age + period + t) / tau_o)) if tau_o > 0.0 else 0.0
@@ -92,27 +106,28 @@ def largest_approach(
     low : m/s, what s becomes at worst, see `lowest`;
     age : s, since that fix;  pp, pv, vv : covariance of relative position and velocity along n, then
     """
-    tau_o, v_b = theta[T_OTHER], theta[T_BACK]
+    tau_o, fastest = theta[T_OTHER], max(v, theta[T_SPEED])
+    slowest = max(low, -SPARE * theta[T_SPEED])
+    tau_b, v_b = brake(slowest, fastest, theta)
     lever = tau_o * (1.0 - exp(-age / tau_o)) if tau_o > 0.0 else 0.0
     spread = theta[T_SIGMAS] * sqrt(max(pp + lever * (2.0 * pv + lever * vv), 0.0))
     debt = min(gap + low * age + (s - low) * lever - theta[T_DISTANCE] - spread, 0.0)
-    fastest, slowest = max(v, theta[T_SPEED]), max(low, -0.999 * v_b)
-    step = theta[T_BRAKE] * log((fastest + v_b) / (slowest + v_b)) / TIMES  # until it is no faster than the other
-    least, at = bears(0.0, gap, v, s, low, age, pp, pv, vv, debt, theta), 0
+    step = tau_b * log((fastest + v_b) / (slowest + v_b)) / TIMES  # until it is no faster than the other
+    least, at = bears(0.0, gap, v, s, low, age, pp, pv, vv, debt, tau_b, v_b, theta), 0
     for j in range(1, TIMES + 1):
-        u = bears(j * step, gap, v, s, low, age, pp, pv, vv, debt, theta)
+        u = bears(j * step, gap, v, s, low, age, pp, pv, vv, debt, tau_b, v_b, theta)
         if u < least:
             least, at = u, j
     a, b = max(at - 1, 0) * step, min(at + 1, TIMES) * step
     for _ in range(NARROWED):  # golden section
         width = GOLDEN * (b - a)
-        if bears(b - width, gap, v, s, low, age, pp, pv, vv, debt, theta) < bears(
-            a + width, gap, v, s, low, age, pp, pv, vv, debt, theta
+        if bears(b - width, gap, v, s, low, age, pp, pv, vv, debt, tau_b, v_b, theta) < bears(
+            a + width, gap, v, s, low, age, pp, pv, vv, debt, tau_b, v_b, theta
         ):
             b = a + width
         else:
             a = b - width
-    return min(least, bears(0.5 * (a + b), gap, v, s, low, age, pp, pv, vv, debt, theta))
+    return min(least, bears(0.5 * (a + b), gap, v, s, low, age, pp, pv, vv, debt, tau_b, v_b, theta))
 
 
 @kernel
@@ -180,8 +195,8 @@ class Separation:
     period_s : s, how long a command acts before the next one does, and what the vehicle takes to begin with it
     lag_s, acceleration, speed : own answer v' = (u - v) / lag within +-acceleration, |u| <= speed
     other_lag_s : s, of the other's answer; 0 : it stands at once, as before a wall
-    turn : rad, by how much it may change its course at once; pi : it may come back the way it went
-    approach : m/s, how fast it may come towards the follower even if it rests now
+    turn : rad, by how much it may change its course at once, as seen from the side
+    approach : m/s, how fast it may come towards the follower, whatever it does now; 0 : it never comes back
     sigmas : standard deviations of the relative position that are kept besides
 
     Raises ConfigError for impossible numbers, and for an other that comes back as fast as the follower can fly.
@@ -195,7 +210,7 @@ class Separation:
     other_lag_s: float = 0.5
     turn: float = 0.5 * pi
     approach: float = 0.0
-    sigmas: float = 3.0
+    sigmas: float = 4.0
 
     def __post_init__(self) -> None:
         for name in ("distance", "period_s", "acceleration", "speed"):
@@ -208,20 +223,9 @@ class Separation:
             what = f"the other may come at {self.approach:g} m/s and the follower flies no faster than {self.speed:g}"
             raise ConfigError(what, where="separation", fix="a faster follower, or an other that does not come back")
 
-    def brake(self) -> tuple[float, float]:
-        """(tau_b [s], v_b [m/s]) of a deceleration (v + v_b) / tau_b that the vehicle can always reach.
-
-        The chord of min(acceleration, (v + speed) / lag), which is concave, between the velocities -approach and speed.
-        """
-        at = [min(self.acceleration, (v + self.speed) / self.lag_s) if self.lag_s > 0.0 else self.acceleration
-              for v in (-self.approach, self.speed)]  # fmt: skip
-        tau = 1.0 / max((at[1] - at[0]) / (self.speed + self.approach), 1.0 / _LONGEST)
-        return tau, at[0] * tau + self.approach
-
     def theta(self) -> Floats:
         """Kernel parameters, in the order that `keep_apart` reads them."""
-        tau, back = self.brake()
-        own = (self.distance, self.period_s, self.lag_s, self.speed, tau, back)
+        own = (self.distance, self.period_s, self.lag_s, self.speed, self.acceleration)
         return np.array([*own, self.other_lag_s, self.approach, self.sigmas, self.turn])
 
 

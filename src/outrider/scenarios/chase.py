@@ -15,7 +15,7 @@ from outrider.models.vehicles.multirotor import Multirotor
 from outrider.safety.admissible import Admissible, Fixes, admissible
 from outrider.safety.separation import Separation
 from outrider.scenarios import chase_steps as steps
-from outrider.scenarios.chase_steps import PERIOD, SETTINGS, SUBSTEPS, TRACE, fly_chase
+from outrider.scenarios.chase_steps import HASTE, PERIOD, SETTINGS, SUBSTEPS, TRACE, fly_chase
 from outrider.sim.targets import Behaviour
 from outrider.typing import Floats
 
@@ -98,8 +98,10 @@ class Runs:
         self._model = FollowerModel(
             lag=CONSTANT_VELOCITY, lag_z=CONSTANT_VELOCITY, acceleration=f.acceleration, acceleration_z=f.acceleration
         ).theta()
-        gain = 0.4 / max(x.lag_s, PERIOD)
-        self._law = Pursuit(speed=x.speed, gain=gain, brake=0.5 * x.brake()[1] / x.brake()[0]).theta()
+        gain = 0.5 / (HASTE * max(x.lag_s, PERIOD))
+        self._law = Pursuit(
+            speed=x.speed, gain=gain, brake=0.7 * min(x.acceleration, x.speed / max(x.lag_s, PERIOD))
+        ).theta()
         self._guard = x.theta()
         self._air = np.tile(np.array(chase.wind, np.float64), (SUBSTEPS, 1))
         self._truth, self._told = np.zeros((self._n, 12)), np.zeros((self._n, 3))

@@ -11,7 +11,7 @@ from typing import Final
 from outrider._kernel import kernel
 from outrider.filters.following.steps import predict, update
 from outrider.guidance.los import line_of_sight, separation, zone_speed
-from outrider.guidance.pursuit import pursue
+from outrider.guidance.pursuit import hasten, pursue
 from outrider.models.motion.following import lag_step
 from outrider.models.vehicles.airborne import X_V
 from outrider.models.vehicles.multirotor import run_multirotor
@@ -22,6 +22,7 @@ from outrider.typing import Floats, Ints
 
 PERIOD: Final = 0.1  # s, of the control
 SUBSTEPS: Final = 5  # of the vehicles
+HASTE: Final = 0.4  # of its lag, in which the follower answers
 GATE: Final = 16.266  # NIS of three components, 99.9 %
 PURSUE, UNGUARDED, ZONES = range(3)
 FIX, NOW, TARGET, TRIED = range(4)  # beliefs: own at its last fix, own now, target at its last fix, scratch
@@ -170,6 +171,7 @@ def steer(k: int, s: Floats, law: Floats, guard: Floats, B: Floats, C: Floats, a
     u[0] = u[1] = u[2] = 0.0
     if age <= s[S_HOLD]:
         pursue(x, y, y[3:], age, s[S_SET], law, u)
+        hasten(x[3:], HASTE, law[0], u)
     return keep_apart(u, x, x[3:], y, y[3:], R, age, guard, u) if s[S_LAW] == PURSUE else FREE
 
 
