@@ -11,6 +11,7 @@ from outrider.cli import evaluate as evaluation
 from outrider.cli import mapping as maps
 from outrider.cli import parse
 from outrider.cli import run as scenarios
+from outrider.cli import swarm as swarms
 from outrider.cli.options import (
     FOLDER,
     AsJson,
@@ -211,6 +212,7 @@ app.command("doctor", short_help=doctors.ABOUT)(doctors.doctor_command)
 app.command("eval", short_help=evaluation.ABOUT)(evaluation.eval_command)
 app.command("run", short_help=scenarios.ABOUT)(scenarios.run_command)
 app.command("campaign", short_help=campaigns.ABOUT)(campaigns.campaign_command)
+app.command("swarm", short_help=swarms.ABOUT)(swarms.swarm_command)
 app.command("map", short_help=maps.ABOUT)(maps.map_command)
 
 

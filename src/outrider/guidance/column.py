@@ -40,6 +40,19 @@ def along(trail: Floats, n: int, near: float, x: float, y: float) -> tuple[float
     return s, at
 
 
+@kernel
+def latest(trail: Floats, n: int, x: float, y: float, within: float) -> float:
+    """Arc length of the last time that a trail came within so many metres of (x, y), at its nearest; -inf if never."""
+    best, s = within, -inf
+    for k in range(n - 1, -1, -1):
+        d = hypot(x - trail[k, 0], y - trail[k, 1])
+        if d < best:
+            best, s = d, trail[k, 2]
+        elif s > -inf and d > within:
+            break
+    return s
+
+
 @inlined
 def place(trail: Floats, n: int, k: int, s: float) -> tuple[float, float]:
     """The point of a trail at arc length s, from piece k on; straight on beyond its ends."""

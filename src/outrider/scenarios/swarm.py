@@ -220,7 +220,8 @@ def _swarm(task: Task, sky: Sky, slots: int, steps: int) -> Swarm:
         body=body, X=np.column_stack([task.start, np.zeros((n, 3))]), P=P, u=np.zeros((n, 3, 4)),
         gust=np.zeros((n, 3)), sent=sent, who=np.full((n, slots), -1, np.int64), inbox=np.zeros((n, slots, M_SIZE)),
         kind=np.array(task.kind, np.int64), goal=np.zeros(n, np.int64), stuck=np.zeros(n),
-        high=task.start[:, 2].copy(), arc=arc, true_arc=arc.copy(), crumbs=crumbs, known=np.full(n, known, np.int64),
+        high=task.start[:, 2].copy(), arc=arc, true_arc=arc.copy(), dropped=arc.copy(),
+        crumbs=crumbs, known=np.full(n, known, np.int64),
         mute=np.full(n, inf), rest=np.full(n, inf), least=np.full(n, inf), when=np.zeros(n),
         broken=np.zeros(3, np.int64), ranks=np.zeros((n, len(RANKS)), np.int64),
     )  # fmt: skip

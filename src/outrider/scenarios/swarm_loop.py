@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 from outrider._kernel import inlined, kernel
 from outrider.filters.following.steps import predict, update
 from outrider.guidance.avoidance import A_BRAKE, A_HARDEST, A_PART, A_REACH, A_REACT, A_RETREAT, A_SPEED, write_lines
-from outrider.guidance.column import along, pace, place
+from outrider.guidance.column import along, latest, pace, place
 from outrider.guidance.halfplanes import BROKEN, KEPT, braking, chosen
 from outrider.guidance.neighbours import nearest, sort_into_cells
 from outrider.models.vehicles.airborne import X_P, X_V
@@ -65,6 +65,7 @@ class Swarm(NamedTuple):
     high: Floats  # (N,) m, wanted height
     arc: Floats  # (N,) m, on the trail; the leader's on its path
     true_arc: Floats  # (N,)
+    dropped: Floats  # (N,) m, on its path, where the leader added to the trail last
     crumbs: Floats  # (C, 3) the trail
     known: Ints  # (N,) points of it that have reached a drone
     mute: Floats  # (N,) s, since when its radio is dead
@@ -145,12 +146,11 @@ def speak(w: World, s: Swarm, i: int, k: int, t: float) -> None:
     if s.kind[i] == LEADER:
         s.arc[i] = along(w.path, w.path.shape[0], s.arc[i], s.X[i, 0], s.X[i, 1])[0]
         m = s.known[i]
-        px, py = s.X[i, 0] - s.crumbs[m - 1, 0], s.X[i, 1] - s.crumbs[m - 1, 1]
-        d = hypot(px, py)
-        fx, fy = s.crumbs[m - 1, 0] - s.crumbs[m - 2, 0], s.crumbs[m - 1, 1] - s.crumbs[m - 2, 1]
-        if d >= w.how[H_CRUMB] and px * fx + py * fy > 0.0 and m < s.crumbs.shape[0]:
+        if s.arc[i] >= s.dropped[i] + w.how[H_CRUMB] and m < s.crumbs.shape[0]:
+            d = hypot(s.X[i, 0] - s.crumbs[m - 1, 0], s.X[i, 1] - s.crumbs[m - 1, 1])
             s.crumbs[m, 0], s.crumbs[m, 1], s.crumbs[m, 2] = s.X[i, 0], s.X[i, 1], s.crumbs[m - 1, 2] + d
             s.known[i] = m + 1
+            s.dropped[i] = s.arc[i]
         last = s.crumbs[s.known[i] - 1, 2]
         place_now = along(s.crumbs, s.known[i], last, s.X[i, 0], s.X[i, 1])[0]
         s.true_arc[i] = along(s.crumbs, s.known[i], last, s.body[i, X_P], s.body[i, X_P + 1])[0]
@@ -298,13 +298,15 @@ def waits(w: World, s: Swarm, i: int, t: float) -> None:
         s.rest[i] = inf
     if s.kind[i] != ASIDE or s.mute[i] < inf:
         return
-    behind = False
+    arc, behind, ahead = latest(s.crumbs, s.known[i], s.X[i, 0], s.X[i, 1], 10.0), False, False
     for q in range(s.who.shape[1]):
         if s.who[i, q] >= 0 and (s.inbox[i, q, M_KIND] == MEMBER or s.inbox[i, q, M_KIND] == LEADER):
-            behind = behind or s.inbox[i, q, M_ARC] < s.arc[i] + w.spacing[0]
-    s.rest[i] = inf if behind else min(s.rest[i], t)
+            gap = s.inbox[i, q, M_ARC] - arc
+            behind = behind or -w.how[H_RADIO] < gap < w.spacing[0]
+            ahead = ahead or w.spacing[0] <= gap < w.how[H_RADIO]  # and not a round of the way later
+    s.rest[i] = min(s.rest[i], t) if ahead and not behind else inf
     if t - s.rest[i] > 3.0:
-        s.kind[i] = MEMBER
+        s.kind[i], s.arc[i] = MEMBER, arc
         s.high[i] -= w.how[H_ASIDE]
 
 

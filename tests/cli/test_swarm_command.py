@@ -1,0 +1,55 @@
+"""`outrider swarm`: what it writes, prints and refuses."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from conftest import Outrider
+
+
+@pytest.mark.compiled
+def test_a_swap_into_a_folder(outrider: Outrider, tmp_path: Path) -> None:
+    done = outrider("swarm", "circle", "--drones", 6, "--seed", 2, "--json")
+    told, folder = json.loads(done.out), tmp_path / "swarm-circle"
+    assert done.code == 0 and told["schema"] == "outrider.swarm/1" and told["outcome"]["code"] == "done"
+    assert {p.name for p in folder.iterdir()} == {"summary.json", "swarm.png"}
+    kept = json.loads((folder / "summary.json").read_text())
+    assert kept["there"] == 6 and kept["least_m"] >= 1.5 and kept["column"] is None
+    assert sum(kept["decided_by"].values()) == pytest.approx(1.0)
+    assert outrider("swarm", "circle").code == 2  # the folder is there
+
+
+@pytest.mark.compiled
+def test_a_column_says_how_well_it_keeps_its_gaps(outrider: Outrider, tmp_path: Path) -> None:
+    done = outrider("swarm", "column", "--drones", 5, "--duration", 150, "--silent", "2,70,90", "--output", "c")
+    assert done.code == 0 and "at the first" in done.out
+    kept = json.loads((tmp_path / "c" / "summary.json").read_text())
+    rms = kept["column"]["rms_m"]  # of the followers that never left, and were not behind one that did
+    assert len(rms) == 4 and rms[0] < 0.8 and kept["duration_s"] == 150.0 and kept["violations"] == 0
+
+
+@pytest.mark.compiled
+def test_a_violation_is_a_failed_check(outrider: Outrider) -> None:
+    done = outrider("swarm", "circle", "--drones", 8, "--loss", 0.999, "--quiet")
+    assert done.code == 1 and "nearer than 1.5 m" in done.out
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("ring",), "there are: circle"),
+        (("circle", "--drones", 1), "from 2 to 1000"),
+        (("doorway", "--drones", 7), "an even number"),
+        (("column", "--duration", 10), "120 s or more"),
+        (("column", "--silent", "3,5"), "DRONE,FROM,TO"),
+        (("column", "--silent", "99,5,9"), "DRONE,FROM,TO"),
+        (("column", "--late", "5"), "from 0.1 to 1 s"),
+        (("circle", "--loss", "1.5"), "share from 0"),
+        (("circle", "--separation", "9"), "from 0.5 to 2.5"),
+    ],
+)
+def test_what_is_refused(outrider: Outrider, tmp_path: Path, words: tuple[object, ...], said: str) -> None:
+    done = outrider("swarm", *words)
+    assert done.code == 2 and said in done.err and "Traceback" not in done.err
+    assert not list(tmp_path.iterdir())
