@@ -31,6 +31,7 @@ Positive = Annotated[Number, Field(gt=0)]
 NotNegative = Annotated[Number, Field(ge=0)]
 Spell = tuple[NotNegative, Positive]
 TARGET: Final = cast("dict[str, Any]", plain_value(FollowerModel.target()))
+WIND_WALK: Final = 0.1  # m/s per sqrt(s)
 BEGINS_S: Final = 0.02  # s that a vehicle takes to begin with a command
 FALL: Final = 0.2  # m/s by which the set-point comes nearer
 KNOTS_S: Final = 0.2  # s between the knots of the spline that carries a leader
@@ -198,7 +199,12 @@ def pursuer(
         raise ConfigError(what, where="speed", fix="more than the target's: what is over closes the distance")
     zones = made_of(Zones, mission.zones)
     design = cast("Multirotor | Rotorcraft", getattr(vehicle, "design", vehicle))
-    model = FollowerModel(lag=design.tau_s) if mission.model is None else made_of(FollowerModel, mission.model)
+    walk = WIND_WALK if mission.wind > 0.0 else 0.0
+    model = (
+        FollowerModel(lag=design.tau_s, wind=walk, wind_z=walk)
+        if mission.model is None
+        else made_of(FollowerModel, mission.model)
+    )
     settings = Following(wind=mission.wind, command_delay_s=design.latency_s)
     bearings = Bearings(
         leader=mission.leader, own=FollowerFilter(model, settings),

@@ -134,8 +134,6 @@ def flight(cfg: Real) -> Description:
     drift = {"gnss_sigma": cfg.slow, "gnss_sigma_up": 1.5 * cfg.slow}
     craft = {"type": "multirotor", "latency_s": 0.05, "drag": 0.2}
     follows: dict[str, Any] = {"zones": _zones(cfg.preset), "wind": 1.0}
-    if cfg.preset == "principled":
-        follows["model"] = {"lag": 0.5, "acceleration": 0.5, "wind": 0.3}
     target = {
         "vehicle": craft,
         "start": {"x": 0.0, "y": 0.0, "z": HEIGHT},

@@ -159,6 +159,11 @@ class Bearings:
             return None if pair is None else pair[0]
         return _known(self.own.belief(self.seconds(t) + ahead_s)) if self.own.started else None
 
+    def wind(self, t: int) -> Floats:
+        """(3,) m/s by which it flies otherwise than it is told, as its filter has learnt; zero without such a state."""
+        b = self.believed(t)
+        return np.zeros(3) if b is None else b.w
+
     def believed(self, t: int) -> Belief | None:
         """What its own filter says, whether or not guidance listens."""
         return self.own.belief(self.seconds(t)) if self.own.started else None

@@ -200,7 +200,8 @@ class Pursuer:
         else:
             acts = self.bearings.here(t, self.style.latency_s) or here
             P = acts.P + there.P
-            self._command, hold = kept_apart(want, acts.x, there.x, self.separation, P=P, age_s=there.age)
+            kept, hold = kept_apart(want, acts.x, there.x, self.separation, P=P, age_s=there.age)
+            self._command = kept - self.bearings.wind(t)  # told so, it flies as it should
         f = self.flown
         f.t.append(t)
         f.distance.append(float(np.linalg.norm(there.now - here.p)))
