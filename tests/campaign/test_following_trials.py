@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from outrider.campaign.following import SLOWEST, Flown, Scene, Tuning, fly, following, records, target
+from outrider.campaign.following import Tuning, following, records
+from outrider.campaign.following_flights import SLOWEST, Flown, Scene, fly, target
 from outrider.campaign.following_tunings import BLOCKED, FULL
 from outrider.errors import ConfigError
 from outrider.filters.following import FollowerFilter, Following
