@@ -32,7 +32,7 @@ def worth_figure(values: Mapping[str, Mapping[str, Floats]], honest: Sequence[st
     for ax, (quantity, own) in zip(figure.subplots(1, len(values), sharey=True), values.items(), strict=True):
         for y, (way, v) in enumerate(own.items()):
             jitter = np.linspace(-0.28, 0.28, v.size)
-            ax.plot(v, y + jitter, ".", ms=2.2, color=colour(way), alpha=0.5)
+            ax.plot(v, y + jitter, ".", ms=2.2, color=colour(way), alpha=0.5, rasterized=True)
             ax.plot([v.mean()] * 2, [y - 0.4, y + 0.4], color=colour(way), lw=2.4)
         if quantity in honest:
             ax.axvline(1.0, color=MUTED, lw=0.8, ls="--")
@@ -85,7 +85,7 @@ def tours_figure(outline: Floats, ways: Mapping[str, Floats], seen: Mapping[str,
         ax.plot(*outline[:, [i, j]].T, ".", ms=1.0, color=MUTED, alpha=0.4, rasterized=True)
         for name, p in ways.items():
             ax.plot(*p[:, [i, j]].T, color=colours[name], lw=0.9)
-            ax.plot(*seen[name][:, [i, j]].T, ".", ms=3.5, color=colours[name])
+            ax.plot(*seen[name][:, [i, j]].T, ".", ms=3.5, color=colours[name], rasterized=True)
         ax.set_aspect("equal")
         ax.set_xlabel(f"{names[0]} [m]")
         ax.set_ylabel(f"{names[1]} [m]")
