@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from outrider.core.bezier import bezier
 from outrider.core.geodesy import enu_to_geodetic
 from outrider.data import Datum, Kind, Stream, stream
 from outrider.data.agents import Message
@@ -19,7 +20,7 @@ from outrider.safety.separation import Separation
 from outrider.team.bearings import Bearings, Clocks
 from outrider.team.leader import ASK_TIME, TELL_TIME, Leader, Legs, Spoof, TargetFix, Way, stamp, stamped
 from outrider.team.pursuer import Adaptive, Fixed, Law, Pursuer, Style
-from outrider.team.trail import Aim, Trail, bezier
+from outrider.team.trail import Aim, Trail
 
 DATUM = Datum(lat=0.8, lon=0.1, alt=200.0)
 T0 = 1_750_000_000_000_000_000

@@ -7,6 +7,7 @@ from typing import final
 
 import numpy as np
 
+from outrider.core.bezier import bezier
 from outrider.typing import Floats
 
 
@@ -48,11 +49,3 @@ class Trail:
         if self.aim_at is Aim.END:
             return self._seen[-1]
         return bezier(self._curve, min(self._step / self.degree, 1.0))
-
-
-def bezier(points: Floats, s: float) -> Floats:
-    """A point of the Bezier curve of control points (n + 1, 3), by de Casteljau.  swarm2023 (4)"""
-    b = points
-    while len(b) > 1:
-        b = (1.0 - s) * b[:-1] + s * b[1:]
-    return b[0]
