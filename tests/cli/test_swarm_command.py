@@ -23,7 +23,7 @@ def test_a_swap_into_a_folder(outrider: Outrider, tmp_path: Path) -> None:
 @pytest.mark.compiled
 def test_a_column_says_how_well_it_keeps_its_gaps(outrider: Outrider, tmp_path: Path) -> None:
     done = outrider("swarm", "column", "--drones", 5, "--duration", 150, "--silent", "2,70,90", "--output", "c")
-    assert done.code == 0 and "at the first" in done.out
+    assert done.code == 0 and "at the first follower" in done.out
     kept = json.loads((tmp_path / "c" / "summary.json").read_text())
     rms = kept["column"]["rms_m"]  # of the followers that never left, and were not behind one that did
     assert len(rms) == 4 and rms[0] < 0.8 and kept["duration_s"] == 150.0 and kept["violations"] == 0
@@ -45,6 +45,8 @@ def test_a_violation_is_a_failed_check(outrider: Outrider) -> None:
         (("column", "--silent", "3,5"), "DRONE,FROM,TO"),
         (("column", "--silent", "99,5,9"), "DRONE,FROM,TO"),
         (("column", "--late", "5"), "from 0.1 to 1 s"),
+        (("crossed", "--drones", 6), "a leader"),
+        (("circle", "--silent", "3,5,9"), "leave it out"),
         (("circle", "--loss", "1.5"), "share from 0"),
         (("circle", "--separation", "9"), "from 0.5 to 2.5"),
     ],

@@ -11,7 +11,7 @@ import pytest
 
 from outrider.guidance.avoidance import Avoidance
 from outrider.scenarios.swarm import RANKS, Flown, Sky, fly_swarm, spacing_errors
-from outrider.scenarios.swarm_tasks import circle, column, crossing, doorway, head_on
+from outrider.scenarios.swarm_tasks import circle, column, crossed, crossing, doorway, head_on
 from published import publish
 
 pytestmark = pytest.mark.evidence
@@ -36,6 +36,12 @@ def swap(name: str, task, n: int) -> tuple[tuple[str, ...], list[Flown]]:
            f"{np.mean(least):.2f}", f"{sum(f.violations + f.in_walls for f in flown)}",
            f"{np.mean(took):.0f} ({min(took):.0f} to {max(took):.0f})", shares(flown))  # fmt: skip
     return row, flown
+
+
+def silenced(task):
+    silent = np.full((32, 1, 2), np.inf)
+    silent[3, 0] = 5.0, 25.0
+    return lambda n: replace(task(n), silent=silent[:n])
 
 
 def hour(seed: int) -> tuple[tuple[str, ...], Flown]:
@@ -69,7 +75,15 @@ def test_swarms() -> None:
             row, flown = swap(name, task, n)
             rows.append(row)
             swaps += flown
-    columns = []
+    for name, task in {"circle": circle, "crossing": crossing}.items():
+        row, flown = swap(f"{name}, one without a radio from 5 to 25 s", silenced(task), 32)
+        rows.append(row)
+        swaps += flown
+    columns = [fly_swarm(crossed(25, 150.0, seed), seed, sky=TRAIL, until_there=False, room=24) for seed in SEEDS]
+    met, through = [float(f.least.min()) for f in columns], sum(bool(f.there[-5:].all()) for f in columns)
+    rows.append(("5 strangers through a column of 20", f"{len(columns)}", f"{through} of {len(columns)}",
+                 f"{min(met):.2f}", f"{np.mean(met):.2f}", f"{sum(f.violations for f in columns)}", "150",
+                 shares(columns)))  # fmt: skip
     for seed in HOURS:
         row, f = hour(seed)
         rows.append(row)
@@ -94,5 +108,6 @@ def test_swarms() -> None:
     assert all(f.there.all() for f in swaps)
     assert sum(f.violations + f.in_walls for f in (*swaps, *columns)) == 0
     assert min(float(f.least.min()) for f in (*swaps, *columns)) >= R_D
+    assert through == len(SEEDS)
     assert peak <= 1.0 and norm <= 1.0
     assert not any(f.aside.any() for f in columns)

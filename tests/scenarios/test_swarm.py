@@ -8,7 +8,7 @@ import pytest
 from outrider.errors import ConfigError
 from outrider.guidance.avoidance import Avoidance
 from outrider.scenarios.swarm import Flown, Sky, Task, fly_swarm, spacing_errors
-from outrider.scenarios.swarm_tasks import circle, column, crossing, doorway, head_on, rounded
+from outrider.scenarios.swarm_tasks import circle, column, crossed, crossing, doorway, head_on, rounded
 
 CALM = Sky(noisy=False)
 
@@ -97,6 +97,25 @@ def test_a_drone_without_a_radio_leaves_the_column_and_joins_it_again_as_the_las
     assert ahead[78, 4] == 3 and ahead[110, 4] == 2  # who followed it closes up
     assert ahead[110, 3] == -1 and ahead[-1, 3] == 11  # and it is the last in the end
     assert abs(up[-1] - 30.0) < 0.5 and not f.aside.any()
+
+
+@pytest.mark.compiled
+def test_strangers_cross_a_column_and_everybody_gets_there() -> None:
+    f = fly_swarm(crossed(17, 130.0, 2), 2, until_there=False, sky=Sky(radio=40.0))
+    assert f.violations == 0 and f.there[-5:].all()
+    assert f.ranks[1:12, 2:4].sum() > 0 and f.ranks[-5:, 2:4].sum() > 0  # both made way
+    e = spacing_errors(f)
+    assert np.isfinite(e[-1, 1:12]).all() and np.abs(e[-1, 1:12]).max() < 2.0  # and the column is one again
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("task", [circle, crossing])
+def test_a_drone_without_a_radio_gets_out_of_the_way_and_comes_back(task) -> None:
+    silent = np.full((16, 1, 2), np.inf)
+    silent[3, 0] = 5.0, 25.0
+    f = fly_swarm(replace(task(16), silent=silent), 1)
+    good(f)
+    assert f.track[:, 3, 2].max() > 35.0 and abs(f.track[-1, 3, 2] - 30.0) < 1.0
 
 
 def test_a_rounded_way_is_closed_even_and_no_tighter_than_its_bends() -> None:

@@ -15,7 +15,7 @@ ABOUT = "Fly many drones at once: swaps of places, a doorway, a column on a trai
 
 
 def swarm_command(
-    task: Annotated[str, typer.Argument(metavar="TASK", help="circle, head-on, crossing, doorway or column.")],
+    task: Annotated[str, typer.Argument(metavar="TASK", help="circle, head-on, crossing, doorway, column or crossed.")],
     drones: Annotated[
         int, typer.Option("--drones", metavar="N", parser=parse.whole("--drones"), help="The leader counts.")
     ] = 16,
@@ -97,5 +97,5 @@ def _print(summary: Mapping[str, Any], folder: Path, *, quiet: bool) -> None:
     out.print(Text(f"decided by: {shares}"))
     if summary["column"]:
         rms = summary["column"]["rms_m"]
-        out.print(Text(f"gaps, RMS error: {rms[0]:.2f} m at the first, {rms[-1]:.2f} m at the last follower"))
+        out.print(Text(f"gaps, RMS error: {rms[0]:.2f} m at the first follower, at most {max(rms):.2f} m"))
     out.print(Text(f"written to {folder}: swarm.png, summary.json"))

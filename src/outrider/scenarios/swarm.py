@@ -12,7 +12,8 @@ from outrider.guidance.column import Spacing
 from outrider.guidance.neighbours import Cells
 from outrider.models.motion.following import STEP, FollowerModel, lag_step
 from outrider.models.vehicles.multirotor import Multirotor
-from outrider.scenarios.swarm_loop import (
+from outrider.scenarios.swarm_loop import fly
+from outrider.scenarios.swarm_state import (
     ASIDE,
     GOALS,
     H_JUDGED,
@@ -28,7 +29,6 @@ from outrider.scenarios.swarm_loop import (
     Room,
     Swarm,
     World,
-    fly,
 )
 from outrider.sim.noise import generator
 from outrider.typing import Floats, Ints
@@ -193,7 +193,7 @@ def _world(task: Task, sky: Sky, rules: Avoidance, spacing: Spacing) -> World:
         walls=np.ascontiguousarray(task.walls, np.float64), goals=np.ascontiguousarray(goals, np.float64),
         release=np.zeros(goals.shape[:2]) if task.release is None else task.release,
         silent=np.full((n, 1, 2), inf) if task.silent is None else task.silent,
-        path=_NO_PATH if task.path is None else _with_arc(task.path),
+        kind=np.array(task.kind, np.int64), path=_NO_PATH if task.path is None else _with_arc(task.path),
         due=np.zeros(steps) if task.pace is None else np.cumsum(task.pace) * DT,
     )  # fmt: skip
 

@@ -13,8 +13,8 @@ from outrider.guidance.avoidance import Avoidance
 from outrider.guidance.column import Spacing
 from outrider.io import folders
 from outrider.scenarios.swarm import DT, RANKS, VEHICLE, Flown, Sky, Task, fly_swarm, spacing_errors
-from outrider.scenarios.swarm_loop import T_AHEAD, T_ARC
-from outrider.scenarios.swarm_tasks import circle, column, crossing, doorway, head_on
+from outrider.scenarios.swarm_state import T_AHEAD, T_ARC
+from outrider.scenarios.swarm_tasks import circle, column, crossed, crossing, doorway, head_on
 from outrider.typing import Floats
 
 MARKER: Final = "summary.json"
@@ -22,7 +22,9 @@ SCHEMA: Final = "outrider.swarm/1"
 SWAPS: Final[Mapping[str, Callable[[int], Task]]] = {
     "circle": circle, "head-on": head_on, "crossing": crossing, "doorway": doorway,
 }  # fmt: skip
-NAMES: Final = (*SWAPS, "column")
+COLUMNS: Final = ("column", "crossed")
+NAMES: Final = (*SWAPS, *COLUMNS)
+STRANGERS: Final = 5  # that cross a column
 MOST: Final = 1000
 SETTLED_S: Final = 60.0  # of a column, after which its gaps count
 
@@ -49,8 +51,14 @@ class Asked:
             raise UsageError(f"{self.drones} drones", where="--drones", fix=f"from 2 to {MOST}")
         if self.task in ("head-on", "crossing", "doorway") and self.drones % 2:
             raise UsageError(f"{self.drones} drones are not two sides", where="--drones", fix="an even number")
-        if self.task == "column" and not self.seconds >= 2.0 * SETTLED_S:
+        if self.task in COLUMNS and not self.seconds >= 2.0 * SETTLED_S:
             raise UsageError(f"{self.seconds:g} s", where="--duration", fix=f"{2.0 * SETTLED_S:g} s or more")
+        if self.task == "crossed" and self.drones < STRANGERS + 2:
+            raise UsageError(
+                f"{self.drones} drones", where="--drones", fix=f"{STRANGERS} strangers, a leader, a follower"
+            )
+        if self.silent and self.task != "column":
+            raise UsageError("is of a column", where="--silent", fix="leave it out")
         if any(not 0 < d < self.drones or not 0.0 <= a < b for d, a, b in self.silent):
             raise UsageError("names no follower, or no span", where="--silent", fix="DRONE,FROM,TO, e.g. 17,60,90")
 
@@ -58,11 +66,14 @@ class Asked:
 def fly_task(asked: Asked) -> tuple[dict[str, Any], Flown, Task]:
     """Fly it; the summary, SI units."""
     rules, spacing = _rules(asked), Spacing()
-    sky = Sky(loss=asked.loss, late_s=asked.late_s, radio=40.0 if asked.task == "column" else 60.0)
+    sky = Sky(loss=asked.loss, late_s=asked.late_s, radio=40.0 if asked.task in COLUMNS else 60.0)
     begin = perf_counter()
-    if asked.task == "column":
+    if asked.task in COLUMNS:
         spacing.check(VEHICLE.tau_s, DT, asked.late_s)
-        task = column(asked.drones, asked.seconds, asked.seed, silent=asked.silent)
+        if asked.task == "column":
+            task = column(asked.drones, asked.seconds, asked.seed, silent=asked.silent)
+        else:
+            task = crossed(asked.drones, asked.seconds, asked.seed, strangers=STRANGERS)
         done = fly_swarm(task, asked.seed, sky=sky, rules=rules, spacing=spacing, until_there=False, room=32)
     else:
         task = SWAPS[asked.task](asked.drones)
@@ -79,7 +90,7 @@ def _rules(asked: Asked) -> Avoidance:
 
 def _summary(asked: Asked, f: Flown, wall: float) -> dict[str, Any]:
     near = int(f.least.argmin())
-    lost, stuck = int(f.aside.sum()), int(len(f.there) - f.there.sum()) if asked.task != "column" else 0
+    lost, stuck = int(f.aside.sum()), int(len(f.there) - f.there.sum()) if asked.task not in COLUMNS else 0
     outcome = "violated" if f.violations or f.in_walls else "stuck" if stuck else "done"
     text = {
         "violated": f"two drones came nearer than {asked.separation:g} m, or one a wall",
@@ -93,9 +104,9 @@ def _summary(asked: Asked, f: Flown, wall: float) -> dict[str, Any]:
         "late_s": asked.late_s, "outcome": {"code": outcome, "text": text[outcome]}, "duration_s": f.seconds,
         "wall_s": wall, "least_m": float(f.least[near]), "least_at_s": float(f.when[near]), "least_of": near,
         "separation_m": asked.separation, "violations": f.violations, "in_walls": f.in_walls,
-        "there": int(f.there.sum()) if asked.task != "column" else None, "aside": lost, "messages": f.heard,
+        "there": int(f.there.sum()) if asked.task not in COLUMNS else None, "aside": lost, "messages": f.heard,
         "decided_by": dict(zip(RANKS, map(float, shares), strict=True)),
-        "column": _column(f) if asked.task == "column" else None,
+        "column": _column(f) if asked.task in COLUMNS else None,
     }  # fmt: skip
 
 
@@ -121,7 +132,7 @@ def write_swarm(summary: Mapping[str, Any], flown: Flown, task: Task, folder: Pa
 
     track = flown.track
     arcs = None
-    if summary["task"] == "column":
+    if summary["task"] in COLUMNS:
         arcs = np.where((track[:, :, T_AHEAD] >= 0) | (np.arange(track.shape[1]) == 0), track[:, :, T_ARC], np.nan)
     with folders.result_folder(folder, MARKER, SCHEMA, force=force) as part:
         figure = swarm_figure(

@@ -1,5 +1,7 @@
 """What swarms are to do: swap places on a circle, meet head-on, cross, pass a doorway, follow in column."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -102,6 +104,20 @@ def column(n: int, seconds: float, seed: int, *, silent: tuple[tuple[int, float,
     return Task(
         start=start, kind=kind, seconds=seconds, silent=dead, path=path, pace=_paces(seconds, seed), trail=begin
     )
+
+
+def crossed(n: int, seconds: float, seed: int, *, strangers: int = 5) -> Task:
+    """A column through which strangers fly, from either side, one every 6 s; n drones in all."""
+    base, k = column(n - strangers, seconds, seed), np.arange(strangers)
+    start = np.column_stack([20.0 + 30.0 * k, np.where(k % 2, 40.0, -40.0), np.full(strangers, UP)])
+    first = np.vstack([base.start, start])
+    goals = np.stack([first, np.vstack([base.start, start * [1.0, -1.0, 1.0]])], axis=1)
+    release = np.zeros((n, 2))
+    release[-strangers:, 0] = 50.0 + 6.0 * k
+    return replace(
+        base, start=first, kind=np.concatenate([base.kind, np.full(strangers, GOALS)]), goals=goals, release=release,
+        silent=np.full((n, 1, 2), np.inf),
+    )  # fmt: skip
 
 
 SPEED = 3.0  # m/s, of the leader at its most

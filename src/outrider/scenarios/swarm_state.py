@@ -1,0 +1,81 @@
+"""What the compiled loop of many drones works on, and the places of its numbers."""
+
+from typing import NamedTuple
+
+from outrider._kernel import inlined
+from outrider.typing import Floats, Ints
+
+GOALS, LEADER, MEMBER, ASIDE = range(4)  # Swarm.kind: goes to its goals; flies the path; is in the column; has left it
+PROGRESS, SPACING, AVOIDANCE, SAFETY, GAVE_WAY, UNSAFE = range(6)  # columns of Swarm.ranks
+M_STAMP, M_ARC, M_KNOWN, M_KIND, M_SIZE = 6, 7, 8, 9, 10  # of a message, after position and velocity
+T_EAST, T_NORTH, T_UP, T_SPEED, T_ARC, T_AHEAD, T_SIZE = range(7)  # of the recorded track
+H_DT, H_SUB, H_RADIO, H_LOSS, H_LATE, H_FORGET, H_STALE, H_REACH, H_LAYER, H_CRUMB, H_CRUISE, H_NEAR, H_ASIDE, H_WIND, \
+    H_GUST, H_GUST_KEEP, H_WALL, H_JUDGED, H_PERIOD, H_WINDOW, H_PASS, H_SIZE = range(22)  # fmt: skip
+
+
+class World(NamedTuple):
+    """What does not change."""
+
+    how: Floats  # (H_SIZE,)
+    rules: Floats  # Avoidance.theta
+    spacing: Floats  # stand, headway, gain, preview, speed
+    vehicle: Floats  # Multirotor's theta
+    step: Floats  # (3, STEP) of the filter, one decision long
+    variance: Floats  # (2, 3) of position and velocity fixes
+    sigma: Floats  # (2, 3) their true deviations
+    walls: Floats  # (m, 4) east, north of both ends
+    goals: Floats  # (N, W, 3)
+    release: Floats  # (N, W) s, from when on a drone may go on from a goal, for a window in every period
+    silent: Floats  # (N, windows, 2) s, from when to when its radio is dead
+    kind: Ints  # (N,) what everybody is as long as its radio works
+    path: Floats  # (L, 3) of the leader: east, north, arc length
+    due: Floats  # (steps,) m, arc length where the leader should be
+
+
+class Swarm(NamedTuple):
+    """What changes."""
+
+    body: Floats  # (N, width) truth
+    X: Floats  # (N, 6)
+    P: Floats  # (N, 6, 6)
+    u: Floats  # (N, 3, 4) commands: just decided, acting next, and the one that has acted
+    gust: Floats  # (N, 3)
+    sent: Floats  # (K, N, M_SIZE) the last messages of everybody
+    who: Ints  # (N, S) senders in the inbox
+    inbox: Floats  # (N, S, M_SIZE)
+    kind: Ints  # (N,)
+    goal: Ints  # (N,)
+    stuck: Floats  # (N,) s
+    high: Floats  # (N,) m, wanted height
+    arc: Floats  # (N,) m, on the trail; the leader's on its path
+    true_arc: Floats  # (N,)
+    dropped: Floats  # (N,) m, on its path, where the leader added to the trail last
+    crumbs: Floats  # (C, 3) the trail
+    known: Ints  # (N,) points of it that have reached a drone
+    mute: Floats  # (N,) s, since when its radio is dead
+    rest: Floats  # (N,) s, since when a drone that has left may come back
+    least: Floats  # (N,) m, the least distance to any other so far
+    when: Floats  # (N,) s
+    broken: Ints  # (3,) steps with two nearer than separation, drones in a wall, messages heard
+    ranks: Ints  # (N, 6)
+
+
+class Room(NamedTuple):
+    """Scratch."""
+
+    place: Floats  # (N, 3)
+    first: Ints
+    members: Ints
+    ids: Ints  # (S,)
+    squared: Floats  # (S,)
+    lines: Floats  # (2 S + walls, 3)
+    z: Floats  # (3,)
+    air: Floats  # (1, 3)
+
+
+@inlined
+def to_wall(wall: Floats, x: float, y: float) -> tuple[float, float]:
+    """From a point to the nearest of a piece of wall."""
+    dx, dy = wall[2] - wall[0], wall[3] - wall[1]
+    q = min(max(((x - wall[0]) * dx + (y - wall[1]) * dy) / (dx * dx + dy * dy), 0.0), 1.0)
+    return wall[0] + q * dx - x, wall[1] + q * dy - y
