@@ -109,25 +109,34 @@ def test_a_partner_that_is_nobody_is_named():
         Crew(team(), {"a": (ear,), "b": ()}, Method.DISTRIBUTED, START, Datum(lat=0.8, lon=0.1, alt=0.0))
 
 
-def through(method, radio, until=4.4):
-    """A crew that has heard everything by radio, and a while after."""
-    data, ears = records("ab"), {}
-    for name, other in (("a", "b"), ("b", "a")):
+def through(method, radio, until=4.4, names="ab"):
+    """A crew that has heard everything by radio, and a while after; each sees the next."""
+    data, ears = records(names), {}
+    for name, other in zip(names, names[1:] + names[:1], strict=True):
         ears[name] = (
             Ear(stream="fix", sensor=s.Position(), sigmas=FIX),
             Ear(stream="eye", sensor=s.RelativePose(), sigmas=SEEN, partner=other, number=1.0),
         )
-    air = None if radio is None else Air(radio, ("a", "b"), 1, 0)
-    crew = Crew(team(), ears, method, START, Datum(lat=0.8, lon=0.1, alt=0.0), air)
+    air = None if radio is None else Air(radio, tuple(names), 1, 0)
+    crew = Crew(team(len(names)), ears, method, START, Datum(lat=0.8, lon=0.1, alt=0.0), air)
     stamps = START + np.rint(data["a"][0] * 1e9).astype(np.int64)
     log = {n: [stream("fix", Kind.POSITION, stamps, data[n][1]), stream("eye", Kind.RELATIVE_POSE, stamps, data[n][2])]
-           for n in "ab"}  # fmt: skip
+           for n in names}  # fmt: skip
     crew.hear_again(log, 0.2, until)
     return crew
 
 
 def last(crew):
-    return np.array([crew.kept[n].pose[-1] for n in "ab"]), np.array([crew.kept[n].P[-1] for n in "ab"])
+    return tuple(np.array([getattr(crew.kept[n], what)[-1] for n in crew.names]) for what in ("pose", "P"))
+
+
+def test_three_robots_end_as_one_filter_would():
+    """Each meets both others ten times a second, so that all news get round. Records of the last meetings are under way
+    when it ends: nobody meets afterwards, so third parties hear of them no more."""
+    late, exact = through(Method.DISTRIBUTED, Radio(), names="abc"), through(Method.JOINT, None, names="abc")
+    alone = through(Method.LOCAL, None, names="abc")
+    off, far = (np.abs(last(c)[0] - last(exact)[0])[:, :2].max() for c in (late, alone))
+    assert off < 0.02 < far and not late.exchange["refused"]
 
 
 def test_what_is_late_counts_as_if_it_had_come_at_once():
