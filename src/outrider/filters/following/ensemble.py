@@ -32,11 +32,12 @@ def run_ensemble(flight: Log, x: Floats, P: Floats, rng: Generator, square_root:
         if r[0] < inf:
             for row in range(3):
                 total += assimilate(rng, 0, row, 0.0, square_root, x, z, r[row], s)
-            moments(s.X, x, P)
+            for j in range(3, 5):  # all that `tells` looks at
+                P[j, j] = variance(s.X[j], x[j])
         if tells(flight.kind[k], x, P, flight.slowest):
             for row in range(flight.kind[k]):
                 total += assimilate(rng, flight.kind[k], row, float(flight.dt[i]), square_root, x, z, r[3 + row], s)
-            moments(s.X, x, P)
+        moments(s.X, x, P)
         out.likelihood[k] = total
         keep(x, P, out.x[k], out.P[k])
 
@@ -119,6 +120,15 @@ def dot(a: Floats, b: Floats) -> float:
     for m in range(n, a.size):
         p += a[m] * b[m]
     return (p + q) + (r + s)
+
+
+@kernel
+def variance(a: Floats, mean: float) -> float:
+    """Sample variance of a row of members."""
+    total = 0.0
+    for m in range(a.size):
+        total += (a[m] - mean) * (a[m] - mean)
+    return total / (a.size - 1)
 
 
 @kernel

@@ -2,7 +2,7 @@
 
 from math import hypot, inf, nan, sqrt
 
-from outrider._kernel import kernel
+from outrider._kernel import inlined, kernel
 from outrider.core.linalg import cholesky
 from outrider.filters.following.records import Log, Track, Work, evidence, keep, sight, tells
 from outrider.filters.following.steps import fuse_row, predict, update
@@ -30,7 +30,7 @@ def run_gaussian(flight: Log, x: Floats, P: Floats, unscented: bool, out: Track,
         keep(x, P, out.x[k], out.P[k])
 
 
-@kernel
+@inlined
 def tangent_update(x: Floats, P: Floats, kind: int, dt: float, z: Floats, r: Floats, s: Work) -> float:
     """A direction, by Jacobians at the mean; returns the logarithm of its likelihood."""
     air = x.size == 9
@@ -53,7 +53,7 @@ def tangent_update(x: Floats, P: Floats, kind: int, dt: float, z: Floats, r: Flo
     return total
 
 
-@kernel
+@inlined
 def sigma_update(x: Floats, P: Floats, kind: int, dt: float, z: Floats, r: Floats, s: Work) -> float:
     """A direction, by the points x +- sqrt(n) (columns of chol P); returns the logarithm of its likelihood.
 
@@ -64,12 +64,17 @@ def sigma_update(x: Floats, P: Floats, kind: int, dt: float, z: Floats, r: Float
     vx, vy = x[3] - (x[6] if air else 0.0), x[4] - (x[7] if air else 0.0)
     if not cholesky(P, n, s.L):
         return nan
-    reach, share, m = sqrt(float(n)), 0.5 / n, 0
+    reach, share = sqrt(float(n)), 0.5 / n
+    m = sight(kind, vx, vy, dt, z, s.y)
     for k in range(n):
         ax = reach * (s.L[3, k] - (s.L[6, k] if air else 0.0))
         ay = reach * (s.L[4, k] - (s.L[7, k] if air else 0.0))
-        m = sight(kind, vx + ax, vy + ay, dt, z, s.Y[2 * k])
-        m = sight(kind, vx - ax, vy - ay, dt, z, s.Y[2 * k + 1])
+        if ax == 0.0 and ay == 0.0:  # this point sees what the centre sees
+            for a in range(m):
+                s.Y[2 * k, a] = s.Y[2 * k + 1, a] = s.y[a]
+        else:
+            sight(kind, vx + ax, vy + ay, dt, z, s.Y[2 * k])
+            sight(kind, vx - ax, vy - ay, dt, z, s.Y[2 * k + 1])
     for a in range(m):
         s.y[a] = 0.0
         for k in range(2 * n):
@@ -89,7 +94,7 @@ def sigma_update(x: Floats, P: Floats, kind: int, dt: float, z: Floats, r: Float
     return joint(x, P, m, s)
 
 
-@kernel
+@inlined
 def joint(x: Floats, P: Floats, m: int, s: Work) -> float:
     """x, P <- after innovations s.y with covariance s.S, correlated with the state by s.C; one after the other."""
     total = 0.0

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from outrider._kernel import kernel
+from outrider._kernel import inlined, kernel
 from outrider.core.angles import wrap
 from outrider.typing import Floats, Ints
 
@@ -62,7 +62,7 @@ def workspace(n: int, members: int = 0) -> Work:
     return Work(*(np.zeros(s) for s in shapes))
 
 
-@kernel
+@inlined
 def sight(kind: int, vx: float, vy: float, dt: float, z: Floats, y: Floats) -> int:
     """y <- z - h(v); returns how many numbers."""
     if kind == 1:
