@@ -163,7 +163,7 @@ def guided(work: Work) -> Table:
         rows += _scores(done, case, group, ["EKF"], ("xyz",))
         rows.append(Row(name="aim", group=group, unit="deg", ours=summary(exactly(done, case, "aim"))))
     note = (
-        "aim: RMS of the command's direction off the true line to the target, 10 to 25 m away. Estimates of both"
+        "aim: RMS of the command's direction off the true line to the target, 4 to 14 m away. Estimates of both"
         " aircraft, brought up to now; the target's overshoots where it turns on the spot."
     )
     return Table(key="guided", title="Guided by fixes, guided by estimates", rows=tuple(rows), note=note)
