@@ -4,7 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 RUN    := $(BIN)/python -m
 
-.PHONY: demo test lint types layers check-compiled check-plain evidence bench clean
+.PHONY: demo test lint types layers check-compiled check-plain evidence bench docs clean
 demo: $(VENV)/.installed
 	$(BIN)/outrider demo --output demo --force
 
@@ -45,5 +45,10 @@ evidence: $(VENV)/.ready
 bench: $(VENV)/.ready
 	$(RUN) benchmarks
 
+# The site; the examples are run for its gallery.
+docs: $(VENV)/.ready
+	$(RUN) sphinx --fail-on-warning --keep-going --quiet -b html docs docs/_build/html
+	@echo "open docs/_build/html/index.html"
+
 clean:
-	rm -rf $(VENV) .pytest_cache .ruff_cache .hypothesis .coverage demo
+	rm -rf $(VENV) .pytest_cache .ruff_cache .hypothesis .coverage demo docs/_build docs/gallery docs/reference

@@ -1,5 +1,10 @@
 # ruff: noqa: T201
-"""Fuse a log from Python: a simulated robot here, `read_log(Path("my.bag"))` for a recording."""
+"""
+Fuse a log from Python
+======================
+
+Fuse a log from Python: a simulated robot here, `read_log(Path("my.bag"))` for a recording.
+"""
 
 from dataclasses import replace
 

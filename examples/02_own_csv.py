@@ -1,5 +1,10 @@
 # ruff: noqa: T201
-"""A CSV of one's own: write a table and its mapping, fuse it, read the run's folder back."""
+"""
+A CSV of one's own
+==================
+
+A CSV of one's own: write a table and its mapping, fuse it, read the run's folder back.
+"""
 
 import csv
 from pathlib import Path

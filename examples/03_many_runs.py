@@ -1,5 +1,10 @@
 # ruff: noqa: T201
-"""Repeat an experiment over seeds on several processes, and compare two methods on the same noise."""
+"""
+Many runs, and two methods compared
+===================================
+
+Repeat an experiment over seeds on several processes, and compare two methods on the same noise.
+"""
 
 from collections.abc import Mapping
 from pathlib import Path

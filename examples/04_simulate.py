@@ -1,5 +1,10 @@
 # ruff: noqa: T201
-"""Simulate a scenario file with and without its fault, into a folder with a recording, the truth and a summary."""
+"""
+Simulate with and without a fault
+=================================
+
+Simulate a scenario file with and without its fault, into a folder with a recording, the truth and a summary.
+"""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory

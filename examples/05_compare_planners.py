@@ -1,4 +1,8 @@
-"""Planners beside one another on one map: cost, time, memory, and what planning again costs after a change.
+"""
+Planners beside one another
+===========================
+
+Planners beside one another on one map: cost, time, memory, and what planning again costs after a change.
 
 The map is a yard of obstacles, inflated so that a planner keeps its distance. Jump points need ground that is all
 alike: their row, and that of RRT*, count metres only. RRT* needs the package `ompl` and is left out without it.

@@ -1,5 +1,10 @@
 # ruff: noqa: T201
-"""From a drawing to a costmap: make the map's files, then follow a lidar with a window around the robot."""
+"""
+From a drawing to a costmap
+===========================
+
+From a drawing to a costmap: make the map's files, then follow a lidar with a window around the robot.
+"""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory

@@ -1,5 +1,10 @@
 # ruff: noqa: T201
-"""A robot on patrol whose mission runs in a behaviour tree: it goes home early in the rain. Needs outrider[trees]."""
+"""
+A mission in a behaviour tree
+=============================
+
+A robot on patrol whose mission runs in a behaviour tree: it goes home early in the rain. Needs outrider[trees].
+"""
 
 import numpy as np
 from py_trees.behaviour import Behaviour

@@ -1,0 +1,95 @@
+"""Pages made from the program itself: the command line, and the public modules with their docstrings."""
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import typer
+from sphinx.application import Sphinx
+from sphinx.util.docstrings import prepare_docstring
+
+SOURCE = Path(__file__).resolve().parents[1] / "src" / "outrider"
+PACKAGES = {
+    "data": "The nouns: records, trajectories, grids, runs, and the protocols that name what others do",
+    "core": "Numbers only: rotations, geodesy, rays, distances, linear algebra",
+    "models": "Process models, sensor models and vehicles",
+    "mapping": "Sites, costmaps, inflation, what moves",
+    "safety": "What stops a robot, under every planner and every guidance law",
+    "filters": "Estimation: extended, unscented, ensemble filters, smoother, engine, health, cooperation",
+    "planning": "Paths over grids and roads, elastic bands, inspections",
+    "guidance": "Missions, dispatch, following, avoidance: pure functions",
+    "sim": "Worlds, vehicles under way, sensors, radio, truth",
+    "eval": "Errors, consistency, paired statistics",
+    "io": "Readers and writers, one file per format",
+    "team": "Agents: what decides for a robot",
+    "scenarios": "Simulated experiments from files and by name",
+    "workflows": "Fuse, doctor, evaluate, map: where things are wired together",
+    "campaign": "Many runs, and the papers beside ours",
+    "plot": "Figures and reports",
+}
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    app.connect("builder-inited", write_pages)
+    app.connect("autodoc-process-docstring", as_text)
+    return {"parallel_read_safe": True}
+
+
+def write_pages(app: Sphinx) -> None:
+    """Write the generated pages into the source folder, where changed only, so that nothing is read twice."""
+    folder = Path(app.srcdir) / "reference"
+    _put(folder / "cli.md", "".join(cli_page()))
+    for name, about in PACKAGES.items():
+        _put(folder / f"{name}.md", "".join(package_page(name, about)))
+
+
+def as_text(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
+    """Docstrings are written to be read in an editor: their lines stand as they are, set as a block of lines."""
+    told = prepare_docstring("\n".join(lines))
+    lines[:] = [f"| {escaped(line)}" if line.strip() else "|" for line in told]
+    lines.append("")
+
+
+def escaped(line: str) -> str:
+    """A line whose stars, bars and underscores mean themselves; what stands in backquotes is code."""
+    parts = re.split(r"(``[^`]+``|`[^`]+`)", line)
+    out = [
+        f"``{p.strip('`')}``" if k % 2 else re.sub(r"([*|_\\`])", r"\\\1", p).replace("  ", "\u00a0\u00a0")
+        for k, p in enumerate(parts)
+    ]
+    text = "".join(out)
+    return re.sub(r"(\w)(``[^`]+``)", r"\1\\ \2", re.sub(r"(``[^`]+``)(\w)", r"\1\\ \2", text))
+
+
+def cli_page() -> Iterator[str]:
+    """Every command with its arguments and options, as `--help` says."""
+    from outrider.cli.app import app
+
+    command: Any = typer.main.get_command(app)
+    yield "# Command line\n\nMade from the program: `outrider COMMAND --help` says the same. [Exit codes](../exit-codes.md).\n"
+    for name, one in command.commands.items():
+        context = typer.Context(one, info_name=f"outrider {name}")
+        text = one.get_help(context)
+        yield f"\n## outrider {name}\n\n```text\n{text.strip()}\n```\n"
+
+
+def package_page(name: str, about: str) -> Iterator[str]:
+    """A page of one package: every public module that says what it is, with its members."""
+    yield f"# outrider.{name}\n\n{about}.\n"
+    for path in sorted((SOURCE / name).rglob("*.py")):
+        parts = path.relative_to(SOURCE.parent).with_suffix("").parts
+        if any(p.startswith("_") and p != "__init__" for p in parts) or not ast.get_docstring(ast.parse(path.read_text())):
+            continue
+        module = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+        if parts[-1] == "__init__" and module == f"outrider.{name}":
+            continue
+        yield f"\n## {module.removeprefix('outrider.')}\n\n"
+        yield f"```{{eval-rst}}\n.. automodule:: {module}\n   :members:\n   :ignore-module-all:\n```\n"
+
+
+def _put(path: Path, text: str) -> None:
+    path.parent.mkdir(exist_ok=True)
+    if not path.exists() or path.read_text() != text:
+        path.write_text(text)
