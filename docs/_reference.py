@@ -1,6 +1,7 @@
 """Pages made from the program itself: the command line, and the public modules with their docstrings."""
 
 import ast
+import os
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,7 +11,9 @@ import typer
 from sphinx.application import Sphinx
 from sphinx.util.docstrings import prepare_docstring
 
+QUICK = os.environ.get("OUTRIDER_DOCS") == "quick"  # leaves out the docstrings of modules, which take a minute
 SOURCE = Path(__file__).resolve().parents[1] / "src" / "outrider"
+FULL = 88  # columns of a line that was broken
 PACKAGES = {
     "data": "The nouns: records, trajectories, grids, runs, and the protocols that name what others do",
     "core": "Numbers only: rotations, geodesy, rays, distances, linear algebra",
@@ -47,9 +50,26 @@ def write_pages(app: Sphinx) -> None:
 
 def as_text(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
     """Docstrings are written to be read in an editor: their lines stand as they are, set as a block of lines."""
-    told = prepare_docstring("\n".join(lines))
+    told = list(unwrapped(prepare_docstring("\n".join(lines))))
     lines[:] = [f"| {escaped(line)}" if line.strip() else "|" for line in told]
     lines.append("")
+
+
+def unwrapped(lines: list[str]) -> Iterator[str]:
+    """Lines that were broken because they were full are one again."""
+    whole = ""
+    for line in lines:
+        if whole and line.strip() and not line.startswith((" ", "-", "*", ">")):
+            whole = f"{whole} {line}"
+        else:
+            if whole:
+                yield whole
+            whole = line
+        if len(line) < FULL:
+            yield whole
+            whole = ""
+    if whole:
+        yield whole
 
 
 def escaped(line: str) -> str:
@@ -80,12 +100,16 @@ def package_page(name: str, about: str) -> Iterator[str]:
     yield f"# outrider.{name}\n\n{about}.\n"
     for path in sorted((SOURCE / name).rglob("*.py")):
         parts = path.relative_to(SOURCE.parent).with_suffix("").parts
-        if any(p.startswith("_") and p != "__init__" for p in parts) or not ast.get_docstring(ast.parse(path.read_text())):
+        if any(p.startswith("_") and p != "__init__" for p in parts) or not ast.get_docstring(
+            ast.parse(path.read_text())
+        ):
             continue
         module = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
         if parts[-1] == "__init__" and module == f"outrider.{name}":
             continue
         yield f"\n## {module.removeprefix('outrider.')}\n\n"
+        if QUICK:
+            continue
         yield f"```{{eval-rst}}\n.. automodule:: {module}\n   :members:\n   :ignore-module-all:\n```\n"
 
 
