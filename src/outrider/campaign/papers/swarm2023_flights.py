@@ -157,7 +157,7 @@ def fly(a: Approach, seed: int) -> Course:
             apart[i] = np.linalg.norm(way[i] - p)
             p, v = p + u[k] * (h - reach) + v * reach, u[k] + (v - u[k]) * keep
             past.append(p)
-    flown = Flown(x, fix, np.ones(K, np.bool_), u, nose)
+    flown = Flown(x, fix, np.ones(K, np.bool_), u, nose, np.zeros(K))
     speed = np.linalg.norm(np.gradient(way, h, axis=0), axis=1)[: K * TENTHS : TENTHS]
     return Course(flown, seen, apart, speed)
 
