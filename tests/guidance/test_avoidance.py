@@ -6,7 +6,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog, minimize
 
-from outrider.errors import ConfigError
+from outrider.errors import ConfigError, UsageError
 from outrider.guidance.avoidance import Avoidance, avoid
 from outrider.guidance.halfplanes import (
     BROKEN,
@@ -187,3 +187,17 @@ def test_rules_that_cannot_be() -> None:
         Avoidance(separation=0.0)
     with pytest.raises(ConfigError, match="margin"):
         Avoidance(margin=float("nan"))
+
+
+def test_what_is_no_place_or_velocity_is_refused() -> None:
+    p, v = np.zeros((3, 2)), np.zeros((3, 2))
+    for bad in ((p, v[:2], v), (p, v, v[:, :1]), (p.ravel(), v, v)):
+        with pytest.raises(UsageError, match="places"):
+            avoid(*bad)
+    with pytest.raises(UsageError, match="not finite"):
+        avoid(p, v, np.where(np.eye(3)[:, :2] > 0, np.nan, v))
+
+
+def test_robots_in_one_place_do_not_give_nan() -> None:
+    out, _ = avoid(np.zeros((4, 2)), np.zeros((4, 2)), np.ones((4, 2)))
+    assert np.isfinite(out).all()

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from outrider.errors import ConfigError, UsageError
-from outrider.guidance.column import Spacing, along, pace, place
+from outrider.guidance.column import Spacing, along, latest, pace, place
 from outrider.guidance.formation import Column, join, leave, merge, split
 from outrider.typing import Floats
 
@@ -40,6 +40,14 @@ def test_where_a_trail_crosses_itself_the_near_pass_counts_and_beyond_its_ends_i
     assert along(line, 3, 0.0, -7.0, 2.0)[0] == pytest.approx(-7.0)
     assert along(line, 3, 2.0, 9.0, 2.0)[0] == pytest.approx(9.0)
     assert place(line, 3, 1, 9.0) == pytest.approx((9.0, 0.0)) and place(line, 3, 0, -2.0) == pytest.approx((-2.0, 0.0))
+
+
+def test_the_latest_pass_is_the_one_that_counts_for_who_comes_back() -> None:
+    trail, once = circle(), 2.0 * np.pi * 40.0
+    x, y = 40.0 * np.sin(1.0), 40.0 - 40.0 * np.cos(1.0)
+    assert latest(trail, len(trail), x, y, 5.0) == pytest.approx(once + 40.0, abs=0.6)
+    assert latest(trail, round(len(trail) * 0.52), x, y, 5.0) == pytest.approx(40.0, abs=0.6)  # before the second round
+    assert latest(trail, len(trail), 0.0, 40.0, 5.0) == -np.inf
 
 
 def ripple(spacing: Spacing, drones: int = 8, lag: float = 0.5, dt: float = 0.01) -> Floats:

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
-from outrider.errors import ConfigError
+from outrider.errors import ConfigError, UsageError
 from outrider.guidance.neighbours import NOBODY, Cells
 
 
@@ -37,3 +37,9 @@ def test_all_in_one_place_and_far_away_from_home() -> None:
 def test_cells_need_a_side(side: float) -> None:
     with pytest.raises(ConfigError):
         Cells(3, side)
+
+
+def test_points_that_do_not_fit_are_refused() -> None:
+    for p in (np.zeros((2, 2)), np.zeros(3), np.full((3, 2), np.nan)):
+        with pytest.raises(UsageError, match="finite numbers"):
+            Cells(3, 1.0).near(p, 1.0, 2)

@@ -7,7 +7,7 @@ from typing import final
 import numpy as np
 
 from outrider._kernel import inlined, kernel
-from outrider.errors import ConfigError
+from outrider.errors import ConfigError, UsageError
 from outrider.guidance.halfplanes import braking, chosen, reciprocal
 from outrider.guidance.neighbours import Cells, nearest, sort_into_cells
 from outrider.typing import Floats, Ints

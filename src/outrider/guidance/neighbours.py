@@ -7,7 +7,7 @@ from typing import Final, final
 import numpy as np
 
 from outrider._kernel import inlined, kernel
-from outrider.errors import ConfigError
+from outrider.errors import ConfigError, UsageError
 from outrider.typing import Floats, Ints
 
 NOBODY: Final = -1
@@ -99,7 +99,11 @@ class Cells:
         object.__setattr__(self, "members", np.zeros(self.n, np.int64))
 
     def near(self, p: Floats, reach: float, most: int, layer: float = np.inf) -> Ints:
-        """(n, most) for each of the points p (n, 2 or 3) the nearest others within `reach`, then `NOBODY`."""
+        """(n, most) for each of the points p (n, 2 or 3) the nearest others within `reach`, then `NOBODY`;
+        `UsageError` for other shapes, or NaN."""
+        if p.ndim != 2 or len(p) != self.n or p.shape[1] < 2 or not np.isfinite(p).all():
+            raise UsageError(f"{p.shape} finite numbers", where="neighbours", fix=f"({self.n}, 2 or 3)")
+        p = np.ascontiguousarray(p, np.float64)
         out = np.empty((self.n, most), np.int64)
         nearest_of_all(p, self.side, self.first, self.members, reach, layer, out, np.empty(most))
         return out
