@@ -106,9 +106,17 @@ def avoid(
     """(n, 2) velocities, and (n,) what gave way (`KEPT`, `PARTED`, `BROKEN`), of robots that all know all.
 
     p (n, 2 or 3) m, v, want (n, 2) m/s, world;  reach : m, how far a robot looks;  most : neighbours that count, the
-    nearest;  layer : m, robots farther apart in height ignore each other.
+    nearest;  layer : m, robots farther apart in height ignore each other. Raises `UsageError` for other shapes, or NaN.
     """
     n = len(p)
+    if p.ndim != 2 or p.shape[1] not in (2, 3) or not v.shape == want.shape == (n, 2) or most < 1:
+        raise UsageError(
+            f"places {p.shape}, velocities {v.shape}, wanted {want.shape}", where="avoid",
+            fix="(n, 2 or 3), (n, 2), (n, 2)",
+        )  # fmt: skip
+    p, v, want = (np.ascontiguousarray(a, np.float64) for a in (p, v, want))
+    if not (np.isfinite(p).all() and np.isfinite(v).all() and np.isfinite(want).all()):
+        raise UsageError("a place or a velocity is not finite", where="avoid", fix="leave out who does not know it")
     cells, out, ranks = Cells(n, reach), np.zeros((n, 2)), np.zeros(n, np.int64)
     avoid_all(
         p, v, want, rules.theta(), reach, layer, cells.side, cells.first, cells.members, np.zeros((2 * most, 3)),
