@@ -18,6 +18,7 @@ from outrider.campaign.papers.coop2024 import (
     PRINTED_CASES,
     RADIO,
     RADIO_SEEDS,
+    WANDERING,
     WHITE,
     honesty,
     trials,
@@ -132,7 +133,7 @@ def order(page: Page, done: Trials) -> None:
     page.show("ugv_heading: naive less local", f"{p.mean:+.4f}, p {p.p_t:.0e}", "not below 0", p.mean >= 0.0)
 
 
-def slow(page: Page, done: Trials, mapped: Trials) -> None:
+def slow(page: Page, done: Trials, wandering: Trials, mapped: Trials) -> None:
     none, blind, same, independent = BIASED
     for robot in DOF:
         page.within(f"GNSS bias, none: {robot}", done, f"{robot}_position", none, 0.40, 0.70)
@@ -142,6 +143,14 @@ def slow(page: Page, done: Trials, mapped: Trials) -> None:
             page.within(f"GNSS bias ({name}), joint with states: {robot}_nees", done, f"{robot}_nees", case, 0.8, 1.2)
             limit = 0.045 if robot == "ugv" else 0.085
             page.within(f"GNSS bias ({name}), joint with states: {robot}", done, f"{robot}_position", case, 0.0, limit)
+    alone, *together = WANDERING
+    for robot in DOF:
+        name = "GNSS error of 0.5 m that wanders (Gauss-Markov, 300 s)"
+        page.within(f"{name}, none: {robot}", wandering, f"{robot}_position", alone, 0.40, 0.90)
+        for what, case in zip(("common", "independent"), together, strict=True):
+            page.within(f"{name}, {what}, with states: {robot}_nees", wandering, f"{robot}_nees", case, 0.8, 1.2)
+            limit = 0.045 if robot == "ugv" else 0.085
+            page.within(f"{name}, {what}, with states: {robot}", wandering, f"{robot}_position", case, 0.0, limit)
     for case in MAPPED:
         name = "considered" if case["consider"] else "estimated"
         for robot in DOF:
@@ -209,7 +218,7 @@ def test_what_cooperation_is_worth() -> None:
     work = Work(seeds=seeds or None, workers=workers, trials=Path(kept) if kept else None)
     page = Page()
     done = {name: trials(work, name, cases) for name, cases in (
-        ("white", WHITE), ("bias", BIASED), ("paper", PRINTED_CASES))}  # fmt: skip
+        ("white", WHITE), ("bias", BIASED), ("walk", WANDERING), ("paper", PRINTED_CASES))}  # fmt: skip
     done["aircraft"] = trials(work, "aircraft", MAPPED, MAPPED_SEEDS)
     done["radio"] = trials(work, "radio", RADIO, RADIO_SEEDS)
     assert all(d is not None and not d.failed for d in done.values())
@@ -217,7 +226,7 @@ def test_what_cooperation_is_worth() -> None:
     white(page, all_done["white"])
     order(page, all_done["white"])
     on_air(page, all_done["radio"], all_done["white"])
-    slow(page, all_done["bias"], all_done["aircraft"])
+    slow(page, all_done["bias"], all_done["walk"], all_done["aircraft"])
     printed(page, all_done["paper"])
     seeds = ", ".join(f"{name} {len(d.seeds)}" for name, d in all_done.items())
     publish(

@@ -35,6 +35,13 @@ BIASED: Final[list[Params]] = [
     {"method": "joint", "common": True, "tuned_gnss_bias": 0.41, **BIAS},
     {"method": "joint", "common": False, "tuned_gnss_bias": 0.41, **BIAS},
 ]
+WALK: Final = {"gnss_bias": 0.5, "gnss_time": 300.0}
+KNOWN_WALK: Final = {"tuned_gnss_bias": 0.5, "tuned_gnss_time": 300.0}
+WANDERING: Final[list[Params]] = [
+    {"method": "none", "common": True, **WALK},
+    {"method": "joint", "common": True, **WALK, **KNOWN_WALK},
+    {"method": "joint", "common": False, **WALK, **KNOWN_WALK},
+]
 MAPPED: Final[list[Params]] = [
     {"method": "joint", "consider": c, "tuned_gnss_bias": 0.41, "aircraft": 0.2, "tuned_aircraft": 0.2, **BIAS}
     for c in (False, True)
@@ -149,10 +156,14 @@ def slow_errors(work: Work) -> Table:
     few = ("ugv_position", "uav_position", "ugv_nees", "uav_nees")
     named = ("no cooperation", "joint, no states for it", "joint with bias states", "the same, errors independent")
     rows = [row for group, case in zip(named, BIASED, strict=True) for row in measured(done, group, case, *few)]
+    wandering, named = trials(work, "walk", WANDERING), ("no cooperation", "joint with states", "errors independent")
+    for group, case in zip(named, WANDERING, strict=True):
+        rows += measured(wandering, f"Gauss-Markov, {group}", case, *few)
     for group, case in zip(("aircraft estimated", "aircraft considered"), MAPPED, strict=True):
         rows += measured(mapped, group, {"consider": case["consider"]}, *few)
     note = (
-        "GNSS error of 0.41 m per axis; in the last two groups the aircraft is 0.2 m per axis from where it should be."
+        "GNSS error of 0.41 m per axis, constant, or of 0.5 m over 300 s (Gauss-Markov); in the last two groups the"
+        " aircraft is 0.2 m per axis from where it should be."
     )
     return Table(key="slow", title="Errors that stay", rows=tuple(rows), note=note)
 
