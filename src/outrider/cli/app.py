@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from outrider.cli import calibrate as calibration
 from outrider.cli import campaign as campaigns
 from outrider.cli import doctor as doctors
 from outrider.cli import evaluate as evaluation
@@ -209,6 +210,7 @@ def sources(
 
 
 app.command("doctor", short_help=doctors.ABOUT)(doctors.doctor_command)
+app.command("calibrate", short_help=calibration.ABOUT)(calibration.calibrate_command)
 app.command("eval", short_help=evaluation.ABOUT)(evaluation.eval_command)
 app.command("run", short_help=scenarios.ABOUT)(scenarios.run_command)
 app.command("campaign", short_help=campaigns.ABOUT)(campaigns.campaign_command)

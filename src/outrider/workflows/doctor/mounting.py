@@ -60,29 +60,37 @@ def from_gravity(up: Floats) -> Floats:
 
 
 def mount_of(f: tuple[Signal, Signal, Signal], up: Floats, speed: Signal | None, turn: Signal | None) -> Turned:
-    """The mount of an IMU: up by gravity, forward by the accelerations that wheels and turns ask for.
+    """The mount of an IMU, right-angled where it is so nearly, see `turned`."""
+    R, sd = turned(f, up, speed, turn)
+    return snapped(R, sd)
+
+
+def turned(
+    f: tuple[Signal, Signal, Signal], up: Floats, speed: Signal | None, turn: Signal | None
+) -> tuple[Floats, float]:
+    """(3, 3) body from IMU and the deviation of its yaw [rad], inf where only gravity tells: up by gravity, forward by
+    the accelerations that wheels and turns ask for.
 
     On level ground the horizontal specific force is (dv/dt, v w) forward and left. As complex numbers
     h = e^{i psi} (dv/dt + i v w) + noise, of which the least-squares psi is arg sum conj(expected) h.
     f : the three axes of the accelerometer;  up : (3,) mean specific force, sensor axes;  turn : yaw rate [rad/s]
     """
     level = from_gravity(up)
-    sd = np.inf
-    if speed is not None:
-        at = instants(speed, f[0], STEP)
-        a = np.column_stack([axis.mean(at, WINDOW) for axis in f])
-        w = turn.mean(at, WINDOW) if turn is not None else np.zeros(len(at))
-        expected = speed.slope(at, WINDOW) + 1j * speed.mean(at, WINDOW) * w
-        good = np.isfinite(expected) & np.isfinite(a).all(axis=1)
-        if good.sum() >= FEW:
-            a = a[good] @ level.T
-            psi, sd = direction(expected[good], a[:, 0] + 1j * a[:, 1])
-            if sd < SURE:
-                c, s = np.cos(psi), np.sin(psi)
-                level = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) @ level
+    if speed is None:
+        return level, np.inf
+    at = instants(speed, f[0], STEP)
+    a = np.column_stack([axis.mean(at, WINDOW) for axis in f])
+    w = turn.mean(at, WINDOW) if turn is not None else np.zeros(len(at))
+    expected = speed.slope(at, WINDOW) + 1j * speed.mean(at, WINDOW) * w
+    good = np.isfinite(expected) & np.isfinite(a).all(axis=1)
+    if good.sum() < FEW:
+        return level, np.inf
+    a = a[good] @ level.T
+    psi, sd = direction(expected[good], a[:, 0] + 1j * a[:, 1])
     if sd >= SURE:  # yaw is free: of the right-angled mounts that put the same axis up the one that turns least
-        sd = np.inf
-    return snapped(level, sd)
+        return level, np.inf
+    c, s = np.cos(psi), np.sin(psi)
+    return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) @ level, sd
 
 
 def direction(expected: "np.ndarray", h: "np.ndarray") -> tuple[float, float]:

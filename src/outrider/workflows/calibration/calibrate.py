@@ -1,0 +1,116 @@
+"""`calibrate`: what a log tells of where its sensors sit, how they count and when they stamp, and how sure that is."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, Final, final
+
+import numpy as np
+
+from outrider.data import EventLog, Finding, Kind
+from outrider.io.config import merged
+from outrider.workflows.calibration.comparison import motion_rows
+from outrider.workflows.calibration.parameters import What
+from outrider.workflows.calibration.rolling import AGAINST_GYRO, rolling_rows
+from outrider.workflows.calibration.row import Row
+from outrider.workflows.config import FuseConfig
+from outrider.workflows.discover import delayed, find_datum, scaled, screened
+from outrider.workflows.doctor.examine import Patient, paths
+from outrider.workflows.doctor.prescribe import prescribed, starter
+from outrider.workflows.doctor.signals import MOVING, Signal, speed
+from outrider.workflows.findings.say import error
+
+SCHEMA: Final = "outrider.calibration/1"
+UNDER_WAY_S: Final = 10.0  # s in motion, at least
+STILL: Final = error(
+    "no-motion",
+    "this log has no motion: nothing tells lever arms, scales, delays and headings",
+    fix="record some minutes of driving with turns and stops",
+)
+Progress = Callable[[str, float], None]
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Calibration:
+    """What was found. rows : every parameter that was looked for;  config : what was given, what the doctor prescribes,
+    and what differs from it;  findings : of the doctor, and what stood in the way."""
+
+    log: EventLog
+    rows: tuple[Row, ...]
+    config: FuseConfig
+    findings: tuple[Finding, ...]
+
+    @property
+    def complete(self) -> bool:
+        """Whether the log moves and tells anything at all."""
+        return STILL not in self.findings and any(r.found for r in self.rows)
+
+    @property
+    def yaml(self) -> str:
+        """A configuration to start from."""
+        return starter(self.config, self.findings)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "schema": SCHEMA,
+            "log": {"path": self.log.path, "sha256": self.log.sha256, "duration_s": self.log.duration},
+            "parameters": [r.as_dict() for r in self.rows],
+            "findings": [{"severity": f.severity, "code": f.code, "text": f.text, "fix": f.fix} for f in self.findings],
+            "configuration": self.config.model_dump(mode="json", exclude_unset=True),
+        }
+
+
+def calibrate(log: EventLog, cfg: FuseConfig, *, progress: Progress | None = None) -> Calibration:
+    """Find the parameters of the sensors of a log, each with its 95 % interval or with why it cannot be told.
+
+    Raises DataError when nothing in the log can be fused, ConfigError when the configuration does not fit it.
+    """
+    cfg, remarks = prescribed(log, cfg)
+    p = patient(log, cfg)
+    if not moves(p):
+        return Calibration(log=log, rows=(), config=cfg, findings=(*remarks, STILL))
+    rows = rolling_rows(p, cfg)
+    rows += motion_rows(log, with_rows(cfg, rows), progress or (lambda _, __: None))  # need clocks and mounts that fit
+    rows = [against_truth(r, rows) for r in rows]
+    return Calibration(log=log, rows=tuple(rows), config=with_rows(cfg, rows), findings=remarks)
+
+
+def patient(log: EventLog, cfg: FuseConfig) -> Patient:
+    """The log as it is used with a configuration."""
+    corrected = log.with_streams(*(delayed(scaled(s, cfg), cfg) for s in log))
+    verdicts = screened(corrected)
+    return Patient(corrected, cfg, verdicts, find_datum(corrected, cfg, verdicts))
+
+
+def moves(p: Patient) -> bool:
+    """Whether any source tells that the vehicle was under way for long enough."""
+    kinds = (Kind.TWIST, Kind.ACKERMANN, Kind.WHEELS, Kind.GNSS_VELOCITY)
+    told = [speed(p.log, s) for s in p.usable(*kinds)] + [way.speed() for way in paths(p)]
+    return any(under_way(s) > UNDER_WAY_S for s in told if s is not None)
+
+
+def under_way(s: Signal) -> float:
+    """Seconds that a speed is above `MOVING`, averaged over two seconds: a fix that jitters does not move."""
+    at = np.arange(s.t[0], s.t[-1], 1.0)
+    return float(np.sum(np.abs(s.mean(at, 2.0)) > 2.0 * MOVING))
+
+
+def against_truth(r: Row, rows: list[Row]) -> Row:
+    """A turn rate scale against a gyro as the configuration wants it: against the truth, if the gyro's is wrong."""
+    gyro = next((g for g in rows if g.what == What.RATE.value and g.differs), None)
+    if r.what != AGAINST_GYRO or not r.found or gyro is None:
+        return r
+    gain = round(r.value * gyro.value / gyro.told, 5)
+    return replace(r, section={"sources": {r.source: {"rate_gain": gain}}})
+
+
+def with_rows(cfg: FuseConfig, rows: list[Row]) -> FuseConfig:
+    """The configuration with what differs from what was told."""
+    out: dict[str, Any] = cfg.model_dump(exclude_unset=True)
+    for r in rows:
+        out = merged(out, r.section) if r.section else out
+    return FuseConfig.model_validate(out)
+
+
+__all__ = ["Calibration", "calibrate"]

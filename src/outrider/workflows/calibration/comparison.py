@@ -1,0 +1,92 @@
+"""Lever arms, delays and scales by the innovations of the whole filter: which of them a log has, and their rows."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, Final
+
+from outrider.data import EventLog, Kind
+from outrider.filters.channels import Channel
+from outrider.models.motion import Motion
+from outrider.models.sensors import Sensor
+from outrider.models.sensors.layout import LEVER
+from outrider.workflows.calibration.bench import Bench
+from outrider.workflows.calibration.fit import SURE, Fit, fit
+from outrider.workflows.calibration.parameters import UNITS, WIDEST, Parameter, What
+from outrider.workflows.calibration.row import UNSETTLED, Row, row_of
+from outrider.workflows.config import FuseConfig, SourceSection
+
+PLACES: Final = frozenset({Sensor.GNSS_POSITION, Sensor.POSITION})
+SPEEDS: Final = frozenset({Sensor.TWIST, Sensor.ACKERMANN, Sensor.WHEELS_DIFFERENTIAL})
+GAINS: Final = {What.SPEED: "speed_gain", What.RATE: "rate_gain"}
+
+
+def motion_rows(log: EventLog, cfg: FuseConfig, progress: Callable[[str, float], None]) -> list[Row]:
+    """Rows of everything that shows in the innovations of positions."""
+    bench = Bench(log, cfg, frozen=True)
+    asked = parameters(bench)
+    if not asked:
+        return []
+    found = fit(bench, asked, lambda done: progress("calibrating", done))
+    return [row(bench, cfg, p, found) for p in asked]
+
+
+def parameters(bench: Bench) -> list[Parameter]:
+    """What the log may tell: nothing without a position to compare with."""
+    used = [c for c in bench.channels if not c.scored]
+    places = list(dict.fromkeys(c.stream for c in used if c.sensor in PLACES))
+    if not places or bench.motion not in (Motion.PLANAR, Motion.STRAPDOWN):
+        return []
+    clock = any(c.sensor in (None, Sensor.GYRO) for c in used)
+    out: list[Parameter] = []
+    for name in places:
+        group = (name, *shared(bench, used, name))
+        out += [Parameter(what, group) for what in (What.LEVER_X, What.LEVER_Y)]
+        out += [Parameter(What.DELAY, group)] if clock else []
+    if bench.motion is Motion.PLANAR:
+        wheels = dict.fromkeys(c.stream for c in used if c.sensor in SPEEDS and not c.still)
+        out += [Parameter(What.SPEED, (name,)) for name in wheels]
+        out += [
+            Parameter(What.RATE, (name,)) for name in dict.fromkeys(c.stream for c in used if c.sensor is Sensor.GYRO)
+        ]
+    return out
+
+
+def shared(bench: Bench, used: list[Channel], place: str) -> tuple[str, ...]:
+    """Velocities of the same receiver: of the same frame, or the only ones beside the only position."""
+    frame = bench.log.streams[place].frame
+    same = [c.stream for c in used if c.sensor is Sensor.GNSS_VELOCITY]
+    alone = len(bench.log.of(Kind.GNSS, Kind.POSITION)) == 1
+    return tuple(dict.fromkeys(n for n in same if alone or bench.log.streams[n].frame == frame != ""))
+
+
+def row(bench: Bench, cfg: FuseConfig, p: Parameter, found: Fit) -> Row:
+    """A parameter in the words of the configuration."""
+    told = told_value(bench, cfg, p)
+    gain = p.what in GAINS
+    value = told * (1.0 + found.value[p]) if gain else told + found.value[p]
+    half = SURE * found.sd[p] * (abs(told) if gain else 1.0)
+    name, unit = p.what.value, UNITS[p.what]
+    if not found.settled:
+        return Row(source=p.source, what=name, unit=unit, told=told, verdict=UNSETTLED)
+    made = row_of(p.source, name, unit, told, value, half, WIDEST[p.what])
+    return replace(made, section=section_of(bench, p, value, found)) if made.differs else made
+
+
+def told_value(bench: Bench, cfg: FuseConfig, p: Parameter) -> float:
+    """What configuration, log or default say of a parameter."""
+    section = cfg.sources.get(p.source, SourceSection())
+    if p.moves:
+        return float(next(c.theta for c in bench.channels if c.stream == p.source)[LEVER + p.axis])
+    return float(getattr(section, GAINS.get(p.what, "delay_s")))
+
+
+def section_of(bench: Bench, p: Parameter, value: float, found: Fit) -> dict[str, Any]:
+    """Where a value stands in a configuration. A lever arm stands there whole."""
+    if not p.moves:
+        key = GAINS.get(p.what, "delay_s")
+        return {"sources": {name: {key: round(value, 5)} for name in p.streams}}
+    xyz = next(c.theta for c in bench.channels if c.stream == p.source)[LEVER : LEVER + 3].copy()
+    for q, off in found.value.items():
+        if q.moves and q.streams == p.streams and SURE * found.sd[q] <= WIDEST[q.what]:
+            xyz[q.axis] += off
+    return {"sources": {name: {"mount": {"xyz_m": [round(float(a), 3) for a in xyz]}} for name in p.streams}}
