@@ -57,7 +57,7 @@ def fit(bench: Bench, parameters: Sequence[Parameter], progress: Callable[[float
     prior = np.array([PRIORS[q.what] for q in parameters])
     cost = Cost(bench, parameters, prior)
     v, base, scene = swept(cost)
-    P, rounds, settled, whole, gradient = np.diag(prior**2), 0, False, True, np.zeros((0, len(parameters)))
+    cov, rounds, settled, whole, gradient = np.diag(prior**2), 0, False, True, np.zeros((0, len(parameters)))
     while rounds < MOST_ROUNDS and not settled:
         progress(rounds / MOST_ROUNDS)
         rounds += 1
@@ -66,9 +66,9 @@ def fit(bench: Bench, parameters: Sequence[Parameter], progress: Callable[[float
         r, J, t = usable(residuals(bench, parameters, v, base, scene), gradient, scene.times)
         w = np.minimum(1.0, HUBER / np.maximum(np.abs(r), 1e-12))
         A = J.T @ (w[:, None] * J) + np.diag(1.0 / prior**2)
-        P = sandwich(A, w[:, None] * J * r[:, None], t)
+        cov = sandwich(A, w[:, None] * J * r[:, None], t)
         step = np.clip(-np.linalg.solve(A, J.T @ (w * r) + v / prior**2), -0.5 * prior, 0.5 * prior)
-        if np.all(np.abs(step) < NEAR * np.sqrt(np.diag(P))):
+        if np.all(np.abs(step) < NEAR * np.sqrt(np.diag(cov))):
             v, settled = v + step, True
             break
         before = cost(v, base, scene)
@@ -81,7 +81,7 @@ def fit(bench: Bench, parameters: Sequence[Parameter], progress: Callable[[float
         else:
             settled = fresh  # no way down: the noise of the differences
         scene = scene_of(bench, base)
-    sd = np.sqrt(np.diag(P))
+    sd = np.sqrt(np.diag(cov))
     return Fit(
         dict(zip(parameters, v.tolist(), strict=True)), dict(zip(parameters, sd.tolist(), strict=True)), rounds, settled
     )
@@ -138,7 +138,7 @@ def scene_of(bench: Bench, base: Sequence[Innovations]) -> Scene:
         late = part.t >= first
         weights.append(np.where(late[:, None] & np.isfinite(one.s) & (one.s > 0.0), 1.0 / one.s, np.nan))
         times += [] if c.scored else [np.repeat(part.t, one.s.shape[1])]
-    return Scene(weights, (np.concatenate(times) - bench.start) * 1e-9)
+    return Scene(weights, np.asarray((np.concatenate(times) - bench.start) * 1e-9, np.float64))
 
 
 def residuals(
@@ -176,15 +176,15 @@ def sandwich(A: Floats, scores: Floats, t: Floats) -> Floats:
     bins = np.floor((t - t.min()) / BIN_S).astype(np.int64)
     g = np.zeros((int(bins.max()) + 1, A.shape[0]))
     np.add.at(g, bins, scores)
-    B0 = g.T @ g
-    B = B0.copy()
+    alone = g.T @ g
+    together = alone.copy()
     lags = round(LAG_S / BIN_S)
     for k in range(1, lags + 1):
         if k < len(g):
             cross = g[k:].T @ g[:-k]
-            B += (1.0 - k / (lags + 1)) * (cross + cross.T)
+            together += (1.0 - k / (lags + 1)) * (cross + cross.T)
     inverse = np.linalg.inv(A)
-    wide, plain = (inverse @ M @ inverse for M in (B, B0))
+    wide, plain = (inverse @ M @ inverse for M in (together, alone))
     grow = np.sqrt(np.maximum(np.diag(plain) / np.maximum(np.diag(wide), 1e-300), 1.0))
     return wide * np.outer(grow, grow)
 

@@ -80,8 +80,8 @@ def mount_rows(p: Patient, cfg: FuseConfig, imu: Stream, rolling: Signal) -> lis
     angles = told + wrap_all(found[0] - told)
     degrees = np.round(np.degrees([told, angles, found[1]]), 4) + 0.0
     rows = [
-        row_of(imu.name, f"mount, {name}", "deg", *degrees[:, i].tolist(), WIDEST_DEG)
-        for i, name in enumerate(("roll", "pitch", "yaw"))
+        row_of(imu.name, f"mount, {name}", "deg", float(a), float(b), float(half), WIDEST_DEG)
+        for (a, b, half), name in zip(degrees.T, ("roll", "pitch", "yaw"), strict=True)
     ]
     best = [round(r.value if r.found else r.told, 2) + 0.0 for r in rows]
     section = {"sources": {imu.name: {"mount": {"xyz_m": xyz, "rpy_deg": best}}}}
@@ -142,18 +142,20 @@ def misfit(x: Floats, y: Floats) -> float:
 
 def refined(gyro: Signal, y: Floats, at: Floats, lag: float) -> Against:
     """The search's end, and how sure it is."""
-    beta, P = np.ones(3), np.eye(3)
+    beta, cov = np.ones(3), np.eye(3)
     for _ in range(ROUNDS):
         x, slope = gyro.mean(at - lag, WINDOW), gyro.slope(at - lag, WINDOW)
         good = np.isfinite(x) & np.isfinite(y) & np.isfinite(slope)
         M = np.column_stack([x[good], np.ones(good.sum()), -beta[0] * slope[good]])
         A = M.T @ M + 1e-12 * np.eye(3)
         beta = np.linalg.solve(A, M.T @ y[good])
-        P = sandwich(A, M * (y[good] - M @ beta)[:, None], at[good])
+        cov = sandwich(A, M * (y[good] - M @ beta)[:, None], at[good])
         lag += float(np.clip(beta[2], -COARSE, COARSE))
     if abs(beta[0]) < 0.1:
         return UNKNOWN
-    return Against(lag, 1.0 / float(beta[0]), (float(np.sqrt(P[2, 2])), float(np.sqrt(P[0, 0])) / float(beta[0]) ** 2))
+    return Against(
+        lag, 1.0 / float(beta[0]), (float(np.sqrt(cov[2, 2])), float(np.sqrt(cov[0, 0])) / float(beta[0]) ** 2)
+    )
 
 
 def mount_angles(p: Patient, s: Stream, rolling: Signal | None) -> tuple[Floats, Floats] | None:
