@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from outrider.cli import parse
-from outrider.cli.options import AsJson, ConfigFile, Debug, End, Force, LogFile, Mapping, OneRobot, Quiet, Start, Topics
+from outrider.cli.options import AsJson, ConfigFile, Debug, End, Force, Mapping, OneRobot, Quiet, Start, Topics
 from outrider.cli.shared import hush_matplotlib, print_json
-from outrider.errors import ExitCode
+from outrider.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
     from outrider.workflows.doctor.visit import Visit
@@ -18,7 +18,11 @@ ABOUT = "Say what is wrong with a recording, and write a configuration that mend
 
 
 def doctor_command(
-    log: LogFile,
+    log: Annotated[
+        Path | None,
+        typer.Argument(metavar="[LOG]", parser=parse.file("LOG"), help="A recording, as of `outrider fuse`."),
+    ] = None,
+    itself: Annotated[bool, typer.Option("--self", help="Instead of a recording, look at this installation.")] = False,
     config: ConfigFile = None,
     output: Annotated[
         Path | None,
@@ -37,6 +41,12 @@ def doctor_command(
     debug: Debug = False,
 ) -> int:
     """Find units, mounts, senses of rotation, clock offsets, gaps and doubtful accuracies; most damaging first."""
+    if itself:
+        from outrider.cli.installed import check_installation
+
+        return check_installation(json=json)
+    if log is None:
+        raise UsageError("names no recording", fix="outrider doctor LOG, or outrider doctor --self")
     from outrider.workflows.settings import load_config
 
     settings = load_config(config)

@@ -1,0 +1,67 @@
+"""The built wheel in an environment of its own: nothing that the program needs is missing from it."""
+
+import json
+import os
+import site
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from outrider.cli import main
+from outrider.errors import ExitCode
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An environment that holds the wheel, and sees the packages that it needs, but not this source tree."""
+    folder = tmp_path_factory.mktemp("wheel")
+    _run(sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--disable-pip-version-check", "-w", folder, ROOT)
+    environment = folder / "env"
+    _run(sys.executable, "-m", "venv", "--without-pip", environment)
+    python = environment / "bin" / "python"
+    made = next(folder.glob("outrider-*.whl"))
+    options = ("-q", "--no-deps", "--disable-pip-version-check", "--no-index")
+    _run(sys.executable, "-m", "pip", "--python", python, "install", *options, made)
+    packages = next((environment / "lib").glob("python*")) / "site-packages"
+    (packages / "needed.pth").write_text("\n".join(site.getsitepackages()) + "\n")
+    return environment / "bin"
+
+
+def _run(*command: object, **options: Any) -> str:
+    clean = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
+    done = subprocess.run([str(c) for c in command], capture_output=True, text=True, timeout=600, env=clean, **options)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.mark.compiled
+def test_the_wheel_runs_where_the_source_is_not(wheel: Path, tmp_path: Path) -> None:
+    told = _run(wheel / "outrider", "doctor", "--self", "--json", cwd=tmp_path)
+    where = next(c["found"] for c in json.loads(told)["checks"] if c["what"] == "outrider")
+    assert str(wheel.parent) in where
+    assert _run(wheel / "outrider", "--version", cwd=tmp_path) == _run(wheel / "python", "-m", "outrider", "--version")
+    assert "site-patrol" in _run(wheel / "outrider", "run", "--list", cwd=tmp_path)
+    _run(wheel / "outrider", "run", "follow-field", "--duration", "2", "-o", "r", "-q", cwd=tmp_path)
+    assert (tmp_path / "r" / "report.html").stat().st_size > 10_000
+    _run(wheel / "outrider", "fuse", "r/run.mcap", "-o", "f", "-q", cwd=tmp_path)
+    assert (tmp_path / "f" / "report.html").stat().st_size > 10_000
+
+
+def test_the_installation_is_looked_at(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert main(["doctor", "--self"]) == ExitCode.OK
+    assert "all that are needed" in capsys.readouterr().out
+    taken = tmp_path / "file"
+    taken.write_text("no folder")
+    monkeypatch.setenv("OUTRIDER_CACHE", str(taken))
+    assert main(["doctor", "--self", "--json"]) == ExitCode.FAILED_CHECK
+    faults = [c for c in json.loads(capsys.readouterr().out)["checks"] if not c["ok"] and not c["optional"]]
+    assert [c["what"] for c in faults] == ["compiled kernels"] and "OUTRIDER_CACHE" in faults[0]["fix"]
+    assert main(["doctor"]) == ExitCode.USAGE
+    assert "--self" in capsys.readouterr().err
