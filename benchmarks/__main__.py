@@ -1,7 +1,11 @@
-"""Measure every row and print one table; `--write` keeps it in docs/evidence/benchmarks.md."""
+"""Measure every row, print tables; `--write` keeps them in docs/evidence/benchmarks.md and .json, `--gate` compares.
+
+A gate compares ratios to peers that were measured in the same run, with what is kept: machines differ, ratios hardly.
+"""
 
 import argparse
 import importlib
+import json
 import pkgutil
 import platform
 import shlex
@@ -14,9 +18,13 @@ from rich.console import Console
 from rich.table import Table
 
 import benchmarks
-from benchmarks.table import HEADER, Row, Timing, cells, markdown, measure
+from benchmarks.commands import Waited, commands
+from benchmarks.growth import Grown, all_growths, grow
+from benchmarks.table import HEADER, Row, Timing, cells, figures, markdown, measure
 
 PAGE = Path(__file__).parents[1] / "docs" / "evidence" / "benchmarks.md"
+KEPT = PAGE.with_suffix(".json")
+GENEROUS = 0.5  # of the kept ratio to a peer
 
 
 def registry(without: list[str]) -> list[Row]:
@@ -63,10 +71,48 @@ def show(timings: list[Timing], console: Console) -> None:
     console.print(table)
 
 
-def main() -> None:
+def waited_lines(waited: list[Waited]) -> list[str]:
+    """What a user waits for, as a table."""
+    rows = [f"| `{w.command}` {w.note} | {w.median:.2f} / {w.least:.2f} | {w.peak:.0f} |" for w in waited]
+    return ["## Commands", "", "Wall time of a process of its own, and the most memory that it took.", "",
+            "| command | median / least [s] | peak [MB] |", "| --- | --- | --- |", *rows]  # fmt: skip
+
+
+def grown_lines(grown: list[Grown]) -> list[str]:
+    """How cost grows, as a table."""
+    rows = [
+        f"| {g.growth.name} | {g.growth.unit} | "
+        + ", ".join(f"{n}: {s:.3g}" for n, s in zip(g.growth.sizes, g.seconds, strict=True))
+        + f" | {g.exponent:.2f} |"
+        for g in grown
+    ]
+    about = "CPU time [s] by size, the least of three, and the exponent of the power law through them."
+    return ["## Growth", "", about, "", "| work | size | seconds | exponent |", "| --- | --- | --- | --- |", *rows]  # fmt: skip
+
+
+def gate(timings: list[Timing]) -> list[str]:
+    """What is slower beside its peers than half of what was kept, or is not kept yet; one line each."""
+    kept = {row["name"]: row for row in json.loads(KEPT.read_text(encoding="utf-8"))["rows"]}
+    out = list[str]()
+    for t in timings:
+        now = figures(t)
+        before = {p["name"]: p["ratio"] for p in kept.get(t.row.name, {"peers": []})["peers"]}
+        for peer in now["peers"]:
+            least = GENEROUS * before.get(peer["name"], 0.0)
+            if peer["ratio"] < least:
+                out.append(f"{t.row.name}: {peer['ratio']:.1f} x {peer['name']}, kept {least / GENEROUS:.1f} x")
+    return out
+
+
+def main() -> int:
     """The command."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    parser.add_argument("--write", action="store_true", help=f"keep the table in {PAGE.parent.name}/{PAGE.name}")
+    parser.add_argument(
+        "--write", action="store_true", help=f"keep the result in {PAGE.parent.name}/{PAGE.name}, .json"
+    )
+    parser.add_argument(
+        "--gate", action="store_true", help="exit code 1 if a ratio to a peer is below half of the kept"
+    )
     parser.add_argument("--only", default="", metavar="TEXT", help="rows whose name contains this text")
     parser.add_argument("--without", action="append", default=[], metavar="MODULE", help="leave out, as `planning`")
     parser.add_argument("--repetitions", type=int, default=15)
@@ -77,12 +123,32 @@ def main() -> None:
         if asked.only.lower() in row.name.lower():
             with console.status(f"{row.name} (the first run compiles)"):
                 timings.append(measure(row, asked.repetitions))
+    whole = not asked.only
+    waited = commands() if whole and "commands" not in asked.without else []
+    grown = [grow(g) for g in all_growths()] if whole and "growth" not in asked.without else []
     show(timings, console)
+    more = [*waited_lines(waited), "", *grown_lines(grown)] if waited and grown else []
+    console.print("\n".join(more), highlight=False)
     if asked.write:
         PAGE.parent.mkdir(parents=True, exist_ok=True)
-        PAGE.write_text(markdown(timings, preamble(asked.repetitions)), encoding="utf-8")
+        text = markdown(timings, preamble(asked.repetitions)) + "".join(f"{line}\n" for line in ["", *more] if more)
+        PAGE.write_text(text, encoding="utf-8")
+        told = {"about": preamble(asked.repetitions), "rows": [figures(t) for t in timings]}
+        told["commands"] = [
+            {"command": w.command, "note": w.note, "median_s": w.median, "peak_mb": w.peak} for w in waited
+        ]
+        told["growth"] = [
+            {"name": g.growth.name, "sizes": list(g.growth.sizes), "seconds": list(g.seconds), "exponent": g.exponent}
+            for g in grown
+        ]
+        KEPT.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
         console.print(f"written to {PAGE.relative_to(Path.cwd()) if PAGE.is_relative_to(Path.cwd()) else PAGE}")
+    if asked.gate:
+        slow = gate(timings)
+        console.print("\n".join(slow) or "no ratio to a peer is below half of what was kept", highlight=False)
+        return int(bool(slow))
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -100,6 +100,22 @@ def cells(timing: Timing) -> list[str]:
     return [row.name, f"{timing.median():.3g} / {timing.best():.3g}", target, "; ".join(peers), same]
 
 
+def figures(timing: Timing) -> dict:
+    """One line of the table as numbers, for programs and for the gate."""
+    peers = [
+        {"name": peer.name, "median_us": timing.median(k), "ratio": timing.ratio(k)}
+        for k, peer in enumerate(timing.row.peers, start=1)
+    ]
+    target = timing.row.target
+    return {
+        "name": timing.row.name,
+        "median_us": timing.median(),
+        "best_us": timing.best(),
+        "target_us": target,
+        "peers": peers,
+    }
+
+
 HEADER = ["what", "ours: median / best", "target", "peers: median / best: ratio", "results agree"]
 
 
