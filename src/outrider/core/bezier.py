@@ -110,7 +110,7 @@ class BezierPath:
         far = np.linalg.norm(np.concatenate([bezier(piece, _SAMPLES) for piece in self.pieces]) - p, axis=1)
         middle = (far.size - 1 - int(np.argmin(far[::-1]))) / _SAMPLES.size
         a, b = max(middle - 1.0 / _SAMPLES.size, 0.0), min(middle + 1.0 / _SAMPLES.size, float(count))
-        for _ in range(40):  # golden section over piece + parameter
+        for _ in range(25):  # golden section over piece + parameter
             w = 0.6180339887498949 * (b - a)
             left, right = (float(np.linalg.norm(self._point(u) - p)) for u in (b - w, a + w))
             a, b = (a, a + w) if left < right else (b - w, b)
@@ -135,6 +135,8 @@ class BezierPath:
         s, low, high = rest / whole, 0.0, 1.0
         for _ in range(_NEWTON):  # within a bracket: a piece may stand still somewhere
             off = _length(self.pieces[k], s) - rest
+            if abs(off) < _SAME:
+                break
             low, high = (low, s) if off > 0.0 else (s, high)
             pace = float(np.linalg.norm(bezier_slope(self.pieces[k], s)))
             step = s - off / pace if pace > _SAME else low - 1.0
@@ -144,8 +146,5 @@ class BezierPath:
 
 def _length(piece: Floats, s: float) -> float:
     """Arc length [m] of a piece from 0 to s, by Gauss's rule on four parts."""
-    whole = 0.0
-    for part in range(4):
-        t = 0.25 * s * (part + 0.5 + 0.5 * _NODES)
-        whole += 0.125 * s * float(_WEIGHTS @ np.linalg.norm(bezier_slope(piece, t), axis=-1))
-    return whole
+    t = 0.25 * s * (np.arange(4)[:, None] + 0.5 + 0.5 * _NODES)
+    return 0.125 * s * float((np.linalg.norm(bezier_slope(piece, t), axis=-1) @ _WEIGHTS).sum())
