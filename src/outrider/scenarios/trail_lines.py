@@ -7,7 +7,7 @@ of the follower to the path of the target, once it has settled.  swarm2023, fig.
 from dataclasses import dataclass
 from enum import Enum
 from math import exp
-from time import perf_counter
+from time import process_time
 from typing import Final, final
 
 import numpy as np
@@ -44,7 +44,7 @@ class Guide(Enum):
 @final
 @dataclass(frozen=True, slots=True)
 class Flown:
-    """target, own : (n, 3) m;  off : (m,) m from the path, after `SETTLED`;  micros : us per command, in Python."""
+    """target, own : (n, 3) m;  off : (m,) m from the path, after `SETTLED`;  micros : us a command, of Python."""
 
     target: Floats
     own: Floats
@@ -92,9 +92,9 @@ def fly_trail(
         if k % every == 0:
             seen, at = q[k] + rng.normal(0.0, sigma, 3), p + rng.normal(0.0, sigma, 3)
             trail = [*trail[1 - KEPT :], seen]
-            begun = perf_counter()
+            begun = process_time()
             u = _command(guide, curve, trail, k * STEP, at, speed)
-            spent += perf_counter() - begun
+            spent += process_time() - begun
         v += (u + drift - v) * (1.0 - exp(-STEP / lag_s))
         p = p + STEP * v
     off = np.array([_beside(q, x) for x in own[round(SETTLED / STEP) :]])
