@@ -50,7 +50,8 @@ def test_the_distance_holds(rate: float) -> None:
     runs = chases(rate, LIKE)
     chosen = [r.chase.answer.set_point for r in runs]
     figure = ", ".join(f"{s:.2f}" for s in chosen)
-    ROWS.append((f"{rate:g} Hz: set-points chosen for 0 to 0.5 s", f"{figure} m", "5.5 m at 1 Hz, 0.3 s", "yes"))
+    bound = ("5.5 m at 0.3 s", "yes") if rate == 1.0 else ("", "")
+    ROWS.append((f"{rate:g} Hz: set-points chosen for 0 to 0.5 s", f"{figure} m", *bound))
     assert rate != 1.0 or chosen[3] <= 5.5
     for behaviour in Behaviour:
         if behaviour is Behaviour.REVERSE:
