@@ -3,12 +3,16 @@
 import ast
 import os
 import re
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import typer
 from sphinx.application import Sphinx
+from sphinx.errors import ExtensionError
 from sphinx.util.docstrings import prepare_docstring
 
 QUICK = os.environ.get("OUTRIDER_DOCS") == "quick"  # leaves out the docstrings of modules, which take a minute
@@ -36,6 +40,7 @@ PACKAGES = {
 
 def setup(app: Sphinx) -> dict[str, Any]:
     app.connect("builder-inited", write_pages)
+    app.connect("builder-inited", add_prints, priority=900)  # after the gallery's pages are there
     app.connect("autodoc-process-docstring", as_text)
     return {"parallel_read_safe": True}
 
@@ -46,6 +51,24 @@ def write_pages(app: Sphinx) -> None:
     _put(folder / "cli.md", "".join(cli_page()))
     for name, about in PACKAGES.items():
         _put(folder / f"{name}.md", "".join(package_page(name, about)))
+
+
+def add_prints(app: Sphinx) -> None:
+    """Run every example, and add what it prints to its page."""
+    for script in [] if QUICK else sorted((SOURCE.parents[1] / "examples").glob("[0-9]*.py")):
+        with TemporaryDirectory() as folder:
+            done = subprocess.run(
+                [sys.executable, str(script)], cwd=folder, capture_output=True, text=True, timeout=600
+            )
+        if done.returncode != 0:
+            raise ExtensionError(f"{script.name} failed: {done.stderr.strip().splitlines()[-1]}")
+        page = Path(app.srcdir) / "gallery" / f"{script.stem}.rst"
+        lines = "".join(f"    {line}".rstrip() + "\n" for line in done.stdout.splitlines())
+        told = f"\nIt prints\n\n.. code-block:: text\n\n{lines}"
+        text = page.read_text()
+        if "\nIt prints\n" not in text:
+            at = text.find(".. _sphx_glr_download_gallery")
+            page.write_text(text[:at] + told.lstrip("\n") + "\n" + text[at:])
 
 
 def as_text(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:

@@ -36,7 +36,7 @@ python_use_unqualified_type_names = True
 sphinx_gallery_conf = {
     "examples_dirs": ["../examples"],
     "gallery_dirs": ["gallery"],
-    "filename_pattern": r"/\d\d_",
+    "plot_gallery": "False",  # `_reference` runs them as programs of their own, and adds what they print
     "ignore_pattern": r"__init__\.py",
     "download_all_examples": False,
     "remove_config_comments": True,
@@ -45,7 +45,6 @@ sphinx_gallery_conf = {
     "min_reported_time": 1_000_000,
     "within_subsection_order": "FileNameSortKey",
     "matplotlib_animations": False,
-    "abort_on_example_error": True,
 }
 
 html_theme = "furo"
