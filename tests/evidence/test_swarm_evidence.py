@@ -110,4 +110,4 @@ def test_swarms() -> None:
     assert min(float(f.least.min()) for f in (*swaps, *columns)) >= R_D
     assert through == len(SEEDS)
     assert peak <= 1.0 and norm <= 1.0
-    assert max(int(f.aside.sum()) for f in columns) <= len(OUT)  # who missed the last of the column waits for it
+    assert not any(f.aside.any() for f in columns)

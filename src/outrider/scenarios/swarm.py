@@ -222,7 +222,7 @@ def _swarm(task: Task, sky: Sky, slots: int, steps: int) -> Swarm:
         kind=np.array(task.kind, np.int64), goal=np.zeros(n, np.int64), stuck=np.zeros(n),
         high=task.start[:, 2].copy(), arc=arc, true_arc=arc.copy(), dropped=arc.copy(),
         crumbs=crumbs, known=np.full(n, known, np.int64),
-        mute=np.full(n, inf), rest=np.full(n, inf), least=np.full(n, inf), when=np.zeros(n),
+        hold=np.zeros((n, 2)), mute=np.full(n, inf), rest=np.full(n, inf), least=np.full(n, inf), when=np.zeros(n),
         broken=np.zeros(3, np.int64), ranks=np.zeros((n, len(RANKS)), np.int64),
     )  # fmt: skip
 

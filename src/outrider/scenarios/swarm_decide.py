@@ -104,7 +104,7 @@ def waits(w: World, s: Swarm, i: int, t: float) -> None:
         if s.kind[i] != LEADER and t - s.mute[i] > 2.0:
             s.kind[i] = ASIDE
             s.high[i] += w.how[H_ASIDE]
-            s.rest[i] = inf
+            s.hold[i, 0], s.hold[i, 1], s.rest[i] = s.X[i, 0], s.X[i, 1], inf
         return
     if s.mute[i] < inf:
         return
@@ -162,6 +162,10 @@ def decide(w: World, s: Swarm, r: Room, i: int, k: int, t: float) -> None:
         free = speed
     elif kind == MEMBER and s.mute[i] == inf:
         speed, ex, ey, free = on_trail(w, s, i, t)
+    elif kind == ASIDE:
+        dx, dy = s.hold[i, 0] - own[0], s.hold[i, 1] - own[1]
+        d = max(hypot(dx, dy), 1e-9)
+        speed, ex, ey = min(0.6 * d, 1.0), dx / d, dy / d
     else:
         speed, ex, ey = 0.0, 1.0, 0.0
     want = (speed * ex, speed * ey)

@@ -52,6 +52,7 @@ class Swarm(NamedTuple):
     dropped: Floats  # (N,) m, on its path, where the leader added to the trail last
     crumbs: Floats  # (C, 3) the trail
     known: Ints  # (N,) points of it that have reached a drone
+    hold: Floats  # (N, 2) m, over which who has left hovers
     mute: Floats  # (N,) s, since when its radio is dead
     rest: Floats  # (N,) s, since when a drone that has left may come back
     least: Floats  # (N,) m, the least distance to any other so far
