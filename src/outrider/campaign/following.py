@@ -86,12 +86,12 @@ def _read(params: Params) -> tuple[Scene, Tuning, list[Kind]]:
 def records(flown: Flown, scene: Scene, tuning: Tuning, name: str) -> tuple[Log, Floats, Floats, Any]:
     """What a filter gets, (log, x0, P0), and which events are the seconds 1, 2, ..."""
     if tuning.by == "honest":
-        return _honest(flown, scene, tuning)
+        return as_designed(flown, scene, tuning)
     full, blocked = (FULL[name], BLOCKED[name]) if tuning.by == "printed" else (FULL[tuning.by], BLOCKED[tuning.by])
-    return _as_printed(flown, VARIANTS[tuning.variant], scene, full, blocked)
+    return as_printed(flown, VARIANTS[tuning.variant], scene, full, blocked)
 
 
-def _honest(flown: Flown, scene: Scene, tuning: Tuning) -> tuple[Log, Floats, Floats, Any]:
+def as_designed(flown: Flown, scene: Scene, tuning: Tuning) -> tuple[Log, Floats, Floats, Any]:
     """Two events a second: the fix where it was taken, and the end of the second with the nose."""
     K, age = flown.x.shape[0] - 1, scene.latency if tuning.compensated else 0.0
     model = FollowerModel(
@@ -116,7 +116,7 @@ def _honest(flown: Flown, scene: Scene, tuning: Tuning) -> tuple[Log, Floats, Fl
     return log, x0, P0, slice(1, None, 2)
 
 
-def _as_printed(
+def as_printed(
     flown: Flown, variant: Variant, scene: Scene, full: Any, blocked: Any
 ) -> tuple[Log, Floats, Floats, Any]:
     """One event a second, latency ignored, the last fix held and its distance zero while none comes: swarm2023 4.1."""

@@ -22,22 +22,23 @@ class Printed:
     r: Floats
 
 
-def _printed(scale: float, r: tuple[float, ...], q_scale: float, q: tuple[float, ...]) -> Printed:
+def printed(scale: float, r: tuple[float, ...], q_scale: float, q: tuple[float, ...]) -> Printed:
+    """Variances from the seven numbers of R and the six of Q as the paper writes them, each with its factor."""
     return Printed(q_scale * np.array(q), scale * np.array(r)[[0, 1, 2, 3, 4, 6]])
 
 
-_EVEN: Final = _printed(0.1, (5.0, 5.0, 5.0, 5.0, 5.0, 5.0, 10.0), 0.1, (5.0,) * 6)
+_EVEN: Final = printed(0.1, (5.0, 5.0, 5.0, 5.0, 5.0, 5.0, 10.0), 0.1, (5.0,) * 6)
 _BLOCKED: Final = (1e-10, 1e-10, 1.0, 1.0, 1.0, 1.0)
 FULL: Final = {
-    "EKF": _printed(0.1, (1.0, 1.0, 1.0, 5.0, 5.0, 1.0, 10.0), 1.0, (5.0, 5.0, 1.0, 1.0, 1.0, 1.0)),
+    "EKF": printed(0.1, (1.0, 1.0, 1.0, 5.0, 5.0, 1.0, 10.0), 1.0, (5.0, 5.0, 1.0, 1.0, 1.0, 1.0)),
     "UKF": _EVEN,
     "EnKF": _EVEN,
 }
 """Section 4.1.1."""
 BLOCKED: Final = {
-    "EKF": _printed(1e3, (6.0, 0.1, 0.01, 1.0, 0.1, 0.001, 0.1), 1.0, _BLOCKED),
-    "UKF": _printed(1e2, (50.0, 0.2, 0.01, 50.0, 0.2, 0.01, 0.07), 1.0, _BLOCKED),
-    "EnKF": _printed(1e2, (10.0, 0.2, 0.01, 30.0, 10.0, 0.01, 0.05), 1.0, _BLOCKED),
+    "EKF": printed(1e3, (6.0, 0.1, 0.01, 1.0, 0.1, 0.001, 0.1), 1.0, _BLOCKED),
+    "UKF": printed(1e2, (50.0, 0.2, 0.01, 50.0, 0.2, 0.01, 0.07), 1.0, _BLOCKED),
+    "EnKF": printed(1e2, (10.0, 0.2, 0.01, 30.0, 10.0, 0.01, 0.05), 1.0, _BLOCKED),
 }
 """Section 4.1.2, while there is no signal and the last fix is held."""
 VARIANTS: Final = {v.name.lower(): v for v in Variant}

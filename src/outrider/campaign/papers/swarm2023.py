@@ -6,6 +6,7 @@ from outrider.campaign.papers import printed, swarm2023_filters
 from outrider.campaign.papers.model import Paper, Picture, Row, Table, Work, exact, plain_row
 from outrider.campaign.papers.printed import LOCALISATION, METHODS
 from outrider.campaign.papers.swarm2023_figures import pictures
+from outrider.campaign.papers.swarm2023_lines import lines
 from outrider.campaign.papers.swarm2023_tables import guidance, mission, rendezvous
 
 PAPER = Paper(
@@ -16,7 +17,7 @@ PAPER = Paper(
     about="What the paper prints from one run each, whether its numbers fit together, and its flights over many seeds.",
 )
 localisation = PAPER.table(swarm2023_filters.localisation)
-for _make in (*swarm2023_filters.TABLES, rendezvous, mission, guidance):
+for _make in (*swarm2023_filters.TABLES, lines, rendezvous, mission, guidance):
     PAPER.table(_make)
 
 

@@ -12,8 +12,8 @@ from typing import Any, Final, Literal, final
 
 import numpy as np
 
-from outrider.campaign.following import Flown, Scene, Tuning, _as_printed, _honest
-from outrider.campaign.following_tunings import FULL, VARIANTS, Printed, _printed
+from outrider.campaign.following import Flown, Scene, Tuning, as_designed, as_printed
+from outrider.campaign.following_tunings import FULL, VARIANTS, Printed, printed
 from outrider.campaign.trials import Params
 from outrider.errors import ConfigError
 from outrider.eval import chi_square
@@ -53,18 +53,18 @@ def tunings(sign: int) -> dict[str, dict[str, Printed]]:
     return {
         "rendezvous": {
             "EKF": ekf,
-            "UKF": _printed(0.1, (0.01, 20.0, 1.0, 0.5, 0.5, 1.0, 10.0), q(5), (0.01, 1e-4, 1e-5, 1.0, 1e-5, 1e-5)),
-            "EnKF": _printed(1.0, (0.001, 100.0, 0.1, 10.0, 1.0, 0.1, 1.0), q(2), (10.0, 1.0, 0.2, 0.5, 0.2, 0.01)),
+            "UKF": printed(0.1, (0.01, 20.0, 1.0, 0.5, 0.5, 1.0, 10.0), q(5), (0.01, 1e-4, 1e-5, 1.0, 1e-5, 1e-5)),
+            "EnKF": printed(1.0, (0.001, 100.0, 0.1, 10.0, 1.0, 0.1, 1.0), q(2), (10.0, 1.0, 0.2, 0.5, 0.2, 0.01)),
         },
         "outside": {
             "EKF": ekf,
-            "UKF": _printed(1.0, (0.001, 0.001, 0.1, 5.0, 5.0, 5.0, 1.0), q(2), (0.1, 0.1, 0.1, 1.0, 1.0, 0.01)),
-            "EnKF": _printed(1.0, (0.001, 5.0, 0.1, 5.0, 5.0, 0.1, 1.0), q(5), (1.0, 5e-5, 1e-5, 1.0, 1e-5, 1e-5)),
+            "UKF": printed(1.0, (0.001, 0.001, 0.1, 5.0, 5.0, 5.0, 1.0), q(2), (0.1, 0.1, 0.1, 1.0, 1.0, 0.01)),
+            "EnKF": printed(1.0, (0.001, 5.0, 0.1, 5.0, 5.0, 0.1, 1.0), q(5), (1.0, 5e-5, 1e-5, 1.0, 1e-5, 1e-5)),
         },
         "inside": {
             "EKF": ekf,
-            "UKF": _printed(1e-2, (0.05, 0.05, 0.005, 0.05, 0.05, 5.0, 0.001), q(1), (1.0, 1.0, 1.0, 10.0, 10.0, 1.0)),
-            "EnKF": _printed(0.1, (1.0, 1.0, 1.0, 1.0, 1.0, 5.0, 10.0), q(2), (1.0, 1.0, 1.0, 10.0, 1.0, 0.05)),
+            "UKF": printed(1e-2, (0.05, 0.05, 0.005, 0.05, 0.05, 5.0, 0.001), q(1), (1.0, 1.0, 1.0, 10.0, 10.0, 1.0)),
+            "EnKF": printed(0.1, (1.0, 1.0, 1.0, 1.0, 1.0, 5.0, 10.0), q(2), (1.0, 1.0, 1.0, 10.0, 1.0, 0.05)),
         },
     }
 
@@ -113,10 +113,10 @@ def approach(params: Params, seed: int) -> Mapping[str, Any]:
     scene = Scene(seconds=len(x) - 1, latency=a.latency, lag=a.tau)
     tuned, phases = tunings(a.sign), ("outside", "inside") if a.flight == "mission" else ("rendezvous",) * 2
     for kind in (EKF, UKF, ENKF):
-        log, start, spread, rows = _as_printed(far, VARIANTS[a.variant], scene, *(tuned[p][kind.name] for p in phases))
+        log, start, spread, rows = as_printed(far, VARIANTS[a.variant], scene, *(tuned[p][kind.name] for p in phases))
         track = run(kind, log, start, spread, np.random.default_rng((seed, 1)))
         out |= _scored(kind.name, np.vstack([start[:3], track.x[rows, :3]]), course, entered)
-    log, start, spread, rows = _honest(flown, scene, Tuning(lag=a.tau, direction=False))
+    log, start, spread, rows = as_designed(flown, scene, Tuning(lag=a.tau, direction=False))
     track = run(EKF, log, start, spread)
     nees = chi_square(track.x[rows, :6] - flown.x[1:], track.P[rows][:, :6, :6]) / 6.0
     return {**out, **_scored("honest", np.vstack([start[:3], track.x[rows, :3]]), course, entered),
