@@ -9,7 +9,6 @@ import numpy as np
 from outrider.data import EventLog, Finding, Kind
 from outrider.io.config import merged
 from outrider.workflows.calibration.comparison import motion_rows
-from outrider.workflows.calibration.parameters import What
 from outrider.workflows.calibration.rolling import AGAINST_GYRO, rolling_rows
 from outrider.workflows.calibration.row import Row
 from outrider.workflows.config import FuseConfig
@@ -18,6 +17,7 @@ from outrider.workflows.doctor.examine import Patient, paths
 from outrider.workflows.doctor.prescribe import prescribed, starter
 from outrider.workflows.doctor.signals import MOVING, Signal, speed
 from outrider.workflows.findings.say import error
+from outrider.workflows.parameters import What
 
 SCHEMA: Final = "outrider.calibration/1"
 UNDER_WAY_S: Final = 10.0  # s in motion, at least

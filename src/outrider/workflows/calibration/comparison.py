@@ -4,18 +4,16 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, Final
 
-from outrider.data import EventLog, Kind
-from outrider.filters.channels import Channel
+from outrider.data import EventLog
 from outrider.models.motion import Motion
 from outrider.models.sensors import Sensor
 from outrider.models.sensors.layout import LEVER
-from outrider.workflows.calibration.bench import Bench
+from outrider.workflows.bench import Bench
 from outrider.workflows.calibration.fit import SURE, Fit, fit
-from outrider.workflows.calibration.parameters import UNITS, WIDEST, Parameter, What
 from outrider.workflows.calibration.row import UNSETTLED, Row, row_of
 from outrider.workflows.config import FuseConfig, SourceSection
+from outrider.workflows.parameters import UNITS, WIDEST, Parameter, What
 
-PLACES: Final = frozenset({Sensor.GNSS_POSITION, Sensor.POSITION})
 SPEEDS: Final = frozenset({Sensor.TWIST, Sensor.ACKERMANN, Sensor.WHEELS_DIFFERENTIAL})
 GAINS: Final = {What.SPEED: "speed_gain", What.RATE: "rate_gain"}
 
@@ -33,13 +31,12 @@ def motion_rows(log: EventLog, cfg: FuseConfig, progress: Callable[[str, float],
 def parameters(bench: Bench) -> list[Parameter]:
     """What the log may tell: nothing without a position to compare with."""
     used = [c for c in bench.channels if not c.scored]
-    places = list(dict.fromkeys(c.stream for c in used if c.sensor in PLACES))
+    places = bench.receivers()
     if not places or bench.motion not in (Motion.PLANAR, Motion.STRAPDOWN):
         return []
     clock = any(c.sensor in (None, Sensor.GYRO) for c in used)
     out: list[Parameter] = []
-    for name in places:
-        group = (name, *shared(bench, used, name))
+    for group in places:
         out += [Parameter(what, group) for what in (What.LEVER_X, What.LEVER_Y)]
         out += [Parameter(What.DELAY, group)] if clock else []
     if bench.motion is Motion.PLANAR:
@@ -49,14 +46,6 @@ def parameters(bench: Bench) -> list[Parameter]:
             Parameter(What.RATE, (name,)) for name in dict.fromkeys(c.stream for c in used if c.sensor is Sensor.GYRO)
         ]
     return out
-
-
-def shared(bench: Bench, used: list[Channel], place: str) -> tuple[str, ...]:
-    """Velocities of the same receiver: of the same frame, or the only ones beside the only position."""
-    frame = bench.log.streams[place].frame
-    same = [c.stream for c in used if c.sensor is Sensor.GNSS_VELOCITY]
-    alone = len(bench.log.of(Kind.GNSS, Kind.POSITION)) == 1
-    return tuple(dict.fromkeys(n for n in same if alone or bench.log.streams[n].frame == frame != ""))
 
 
 def row(bench: Bench, cfg: FuseConfig, p: Parameter, found: Fit) -> Row:

@@ -16,8 +16,8 @@ from typing import Final, final
 import numpy as np
 
 from outrider.typing import Floats, Ints
-from outrider.workflows.calibration.bench import Bench, Innovations, gained
-from outrider.workflows.calibration.parameters import PRIORS, STEPS, Parameter, What
+from outrider.workflows.bench import Bench, Innovations, gained
+from outrider.workflows.parameters import PRIORS, STEPS, Parameter, What
 
 HUBER: Final = 3.0  # deviations beyond which a residual counts linearly
 SETTLE_S: Final = 5.0  # after the start, that say more about the start than about the sensors

@@ -10,7 +10,6 @@ from outrider.core.attitudes import matrices_to_quats, quats_to_rpy
 from outrider.data import Kind, Stream
 from outrider.typing import Floats
 from outrider.workflows.calibration.fit import SURE, sandwich
-from outrider.workflows.calibration.parameters import WIDEST, What
 from outrider.workflows.calibration.row import Row, row_of
 from outrider.workflows.config import FuseConfig, SourceSection
 from outrider.workflows.doctor.examine import Patient, told_mount, upright
@@ -26,6 +25,7 @@ from outrider.workflows.doctor.signals import (
     turn_rate_of_wheels,
 )
 from outrider.workflows.findings.records import mean_force
+from outrider.workflows.parameters import WIDEST, What
 
 WINDOW: Final = 0.4  # s over which turn rates are compared: longer than a period of most wheels
 FEW: Final = 100  # comparisons

@@ -1,4 +1,4 @@
-"""What can be calibrated from a log by its innovations: which parameters a log may tell, and in which units."""
+"""Parameters of sensors that a log may tell by its innovations, with their units and what may be expected of them."""
 
 from dataclasses import dataclass
 from enum import Enum

@@ -20,11 +20,12 @@ from outrider.models.motion import Motion
 from outrider.models.sensors import Sensor
 from outrider.models.sensors.layout import LEVER
 from outrider.typing import Floats, Ints
-from outrider.workflows.calibration.parameters import Parameter, What
 from outrider.workflows.config import FuseConfig
 from outrider.workflows.discover import plan
 from outrider.workflows.draft import first_stamp
+from outrider.workflows.parameters import Parameter, What
 
+PLACES: Final = frozenset({Sensor.GNSS_POSITION, Sensor.POSITION})
 FIXED: Final = 1e-6  # deviation of a state that a parameter stands for
 SCALE_WALK: Final = 7  # of theta of a planar robot
 TRUSTING: Final = {"lateral": (1, 0.02), "heading_walk": (4, 2e-3), "position_walk": (5, 2e-3)}
@@ -66,6 +67,15 @@ class Bench:
     def channels(self) -> tuple[Channel, ...]:
         """Of the filter."""
         return self.filter.channels
+
+    def receivers(self) -> list[tuple[str, ...]]:
+        """Streams of each fused source of positions, with the velocities that come from the same receiver: of the same
+        frame, or the only ones beside the only position."""
+        used = [c for c in self.channels if not c.scored]
+        places = dict.fromkeys(c.stream for c in used if c.sensor in PLACES)
+        moving = dict.fromkeys(c.stream for c in used if c.sensor is Sensor.GNSS_VELOCITY)
+        frames = {name: self.log.streams[name].frame for name in (*places, *moving)}
+        return [(p, *(v for v in moving if len(places) == 1 or (frames[v] and frames[v] == frames[p]))) for p in places]
 
     def align(self, values: Mapping[Parameter, float]) -> Alignment:
         """The start that the log tells with these values."""
