@@ -1,5 +1,6 @@
 """The documentation names what exists: every key of the configuration, every exit code, every option it mentions."""
 
+import importlib
 import re
 from pathlib import Path
 
@@ -84,3 +85,32 @@ def test_commands_and_links_exist(page: Path) -> None:
         assert target.startswith(("http://", "https://")) or (page.parent / target).exists(), target
     for path in re.findall(r"`(examples/\S+?\.py)`", text):
         assert (ROOT / path).exists(), path
+
+
+def exists(name: str) -> bool:
+    """Whether a dotted name is a module of ours, or something in one."""
+    parts = name.split(".")
+    for k in range(len(parts), 0, -1):
+        try:
+            found = importlib.import_module(".".join(["outrider", *parts[:k]]))
+        except ModuleNotFoundError:
+            continue
+        for word in parts[k:]:
+            if not hasattr(found, word):
+                return False
+            found = getattr(found, word)
+        return True
+    return False
+
+
+@pytest.mark.parametrize("page", sorted((ROOT / "docs" / "papers").glob("*.md")), ids=lambda p: p.stem)
+def test_every_function_and_every_test_that_a_paper_page_names_is_there(page: Path) -> None:
+    text = page.read_text()
+    packages = {p.name for p in (ROOT / "src" / "outrider").iterdir() if p.is_dir()}
+    named = {n for n in re.findall(r"`([a-z_]+(?:\.\w+)+)`", text) if n.split(".")[0] in packages}
+    assert len(named) >= 10 and not exists("models.wheels.NoSuch")
+    assert sorted(n for n in named if not n.endswith(".py") and not exists(n)) == []
+    tests = {p.name for p in (ROOT / "tests").rglob("*.py")}
+    paths = re.findall(r"`(tests/[^`]*)`", text)
+    assert [p for p in paths if not list(ROOT.glob(p))] == []
+    assert [t for t in re.findall(r"`(test_\w+\.py)`", text) if t not in tests] == []
