@@ -59,7 +59,9 @@ def run(summary: Mapping[str, Any], folder: Path, *, quiet: bool = False) -> Non
             out.print(Text(what, "dim"))
     for s in summary["separations"]:
         pair = " and ".join(s["robots"])
-        out.print(Text(f"{pair} came within {number(s['distance_m'])} m of each other, after {s['t_s']:.1f} s"))
+        out.print(
+            Text(f"{pair} came within {number(s['distance_m'])} m of each other, hull to hull, after {s['t_s']:.1f} s")
+        )
     if mission:
         _mission(mission)
     if summary["cooperation"]:
