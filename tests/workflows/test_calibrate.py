@@ -1,6 +1,7 @@
 """Calibration of generated logs: what is told with an interval holds the truth, what shows in nothing is said to."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,10 @@ from outrider.__main__ import main
 from outrider.data import EventLog
 from outrider.io.record import write_recording
 from outrider.io.registry import read_log
+from outrider.sim.logs import wheeled_log
 from outrider.workflows.calibration import Calibration, calibrate
 from outrider.workflows.calibration.fit import sandwich
+from outrider.workflows.calibration.tune import tune
 from outrider.workflows.config import FuseConfig
 from outrider.workflows.settings import load_config
 
@@ -66,6 +69,23 @@ def test_the_command_writes_a_configuration_that_leaves_nothing_to_calibrate(
     assert "lever arm, forward" in capsys.readouterr().out
     again = calibrate(read_log(tmp_path / "drive.mcap"), load_config(config))
     assert sum(r.differs for r in again.rows) <= 1, [r for r in again.rows if r.differs]
+
+
+@pytest.mark.parametrize("boast", [1.0, 4.0])
+def test_a_receiver_that_boasts_is_tuned_and_an_honest_one_is_left_alone(boast: float) -> None:
+    log = wheeled_log(1, 120.0)[0]
+    s = log.streams["gnss"]
+    noise = np.random.default_rng(1).normal(0.0, 0.1, (len(s), 2)) / 6.37e6
+    noise[:, 1] /= np.cos(s.z[0, 0])
+    z = s.z + np.column_stack([noise, np.zeros(len(s))])
+    told = np.full(len(s), 0.1 / boast)
+    noisy = replace(s, z=z, var=np.full(s.var.shape, told[0] ** 2), extra={**s.extra, "hacc": told})
+    found, cfg = tune(log.with_streams(noisy), FuseConfig(), lambda _, __: None)
+    (gnss,) = (t for t in found if t.source == "gnss")
+    assert gnss.scale == pytest.approx(boast, rel=0.2)
+    assert gnss.after == pytest.approx(1.0, abs=0.25)
+    assert (gnss.before > 8.0) == (boast > 1.0)
+    assert ("gnss" in cfg.sources) == (boast > 1.0)
 
 
 def test_correlated_noise_widens_an_interval() -> None:

@@ -26,6 +26,9 @@ def calibrate_command(
             "--output", "-o", metavar="FILE", parser=parse.file("--output"), help="Write the configuration there."
         ),
     ] = None,
+    tune: Annotated[
+        bool, typer.Option("--tune", help="Also find how much the stated noise of fixes has to be multiplied by.")
+    ] = False,
     force: Force = False,
     json: AsJson = False,
     topic: Topics = None,
@@ -51,7 +54,7 @@ def calibrate_command(
         from outrider.workflows.fuse_file import Input
 
         source = Input(log=log, topics=topic, start_s=start, end_s=end, mapping=mapping, robot=robot)
-        done = calibrate(source.read(settings.robot, progress), settings, progress=progress)
+        done = calibrate(source.read(settings.robot, progress), settings, noise=tune, progress=progress)
         if part is not None:
             part.write_text(done.yaml, encoding="utf-8")
     code = ExitCode.OK if done.complete else ExitCode.FAILED_CHECK
@@ -77,6 +80,9 @@ def _show(done: "Calibration", output: Path | None, *, quiet: bool) -> None:
             value, half = (f"{r.value:.4g}", f"+-{r.half:.2g}") if r.found else ("-", "-")
             table.add_row(escape(r.source), r.what, f"{r.told:.4g}", value, half, r.unit, r.verdict)
         render.print_table(out, table)
+    for t in done.tuned:
+        held = f"NIS of the second half {t.before:.2f} -> {t.after:.2f}"
+        out.print(Text(f"noise of {t.source}: times {t.scale:.3g} (by the first half; {held})"))
     for f in done.findings:
         if f.severity != "info":
             out.print(Text.assemble((f"{f.severity}: ", render.STYLES.get(f.severity, "")), f.text))

@@ -11,6 +11,7 @@ from outrider.io.config import merged
 from outrider.workflows.calibration.comparison import motion_rows
 from outrider.workflows.calibration.rolling import AGAINST_GYRO, rolling_rows
 from outrider.workflows.calibration.row import Row
+from outrider.workflows.calibration.tune import Tuned, tune
 from outrider.workflows.config import FuseConfig
 from outrider.workflows.discover import delayed, find_datum, scaled, screened
 from outrider.workflows.doctor.examine import Patient, paths
@@ -33,12 +34,13 @@ Progress = Callable[[str, float], None]
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Calibration:
     """What was found. rows : every parameter that was looked for;  config : what was given, what the doctor prescribes,
-    and what differs from it;  findings : of the doctor, and what stood in the way."""
+    and what differs from it;  findings : of the doctor, and what stood in the way;  tuned : factors of noise."""
 
     log: EventLog
     rows: tuple[Row, ...]
     config: FuseConfig
     findings: tuple[Finding, ...]
+    tuned: tuple[Tuned, ...] = ()
 
     @property
     def complete(self) -> bool:
@@ -56,13 +58,16 @@ class Calibration:
             "schema": SCHEMA,
             "log": {"path": self.log.path, "sha256": self.log.sha256, "duration_s": self.log.duration},
             "parameters": [r.as_dict() for r in self.rows],
+            "tuned": [t.as_dict() for t in self.tuned],
             "findings": [{"severity": f.severity, "code": f.code, "text": f.text, "fix": f.fix} for f in self.findings],
             "configuration": self.config.model_dump(mode="json", exclude_unset=True),
         }
 
 
-def calibrate(log: EventLog, cfg: FuseConfig, *, progress: Progress | None = None) -> Calibration:
+def calibrate(log: EventLog, cfg: FuseConfig, *, noise: bool = False, progress: Progress | None = None) -> Calibration:
     """Find the parameters of the sensors of a log, each with its 95 % interval or with why it cannot be told.
+
+    noise : whether to tune the noise of absolute sources afterwards, with what was found
 
     Raises DataError when nothing in the log can be fused, ConfigError when the configuration does not fit it.
     """
@@ -73,7 +78,10 @@ def calibrate(log: EventLog, cfg: FuseConfig, *, progress: Progress | None = Non
     rows = rolling_rows(p, cfg)
     rows += motion_rows(log, with_rows(cfg, rows), progress or (lambda _, __: None))  # need clocks and mounts that fit
     rows = [against_truth(r, rows) for r in rows]
-    return Calibration(log=log, rows=tuple(rows), config=with_rows(cfg, rows), findings=remarks)
+    better, tuned = with_rows(cfg, rows), list[Tuned]()
+    if noise:
+        tuned, better = tune(log, better, progress or (lambda _, __: None))
+    return Calibration(log=log, rows=tuple(rows), config=better, findings=remarks, tuned=tuple(tuned))
 
 
 def patient(log: EventLog, cfg: FuseConfig) -> Patient:
