@@ -30,3 +30,4 @@ run = cast.run()
 for note in run.notes:
     print(f"{(note.t - run.monitor.start) * 1e-9:5.1f} s  {note.robot}: {note.text}")
 assert pursuers(cast)["follower"].counts[Stage.SEARCH, Why.LOST] == 1
+print("finished")
