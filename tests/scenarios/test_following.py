@@ -11,6 +11,7 @@ from outrider.filters.following import Outcome
 from outrider.guidance.rendezvous import Signal, Stage, Why
 from outrider.scenarios.build import Cast, build
 from outrider.scenarios.files import load_scenario, parse_scenario
+from outrider.scenarios.followed import pursuers
 from outrider.scenarios.leading import BEHAVIOURS
 from outrider.scenarios.registry import find_scenario
 from outrider.sim.engine import Ending, Simulation
@@ -132,3 +133,15 @@ def test_blocked_fixes_are_named_and_survived() -> None:
 def test_the_paper_enters_its_danger_zone_and_the_principled_one_does_not() -> None:
     assert run("swarm2023-rendezvous", preset="paper")[3].min() < R_D
     assert run("swarm2023-rendezvous")[3].min() > R_D
+
+
+@pytest.mark.compiled
+def test_a_follower_that_has_lost_its_target_sinks_to_no_ground() -> None:
+    """Five metres up, and the target silent for half a minute: backing off from what is hardly known goes nowhere
+    below."""
+    given = {"target": "silent", "team.target.start.z": 5.0, "team.follower.start.z": 5.0, "duration_s": 50.0,
+             "team.target.mission.silent_s": [[15.0, 45.0]]}  # fmt: skip
+    cast = build(*load_scenario("follow-leader", given))
+    run = cast.run()
+    assert pursuers(cast)["follower"].counts[Stage.SEARCH, Why.LOST] == 1
+    assert float(run.truth["follower"].p[:, 2].min()) > 1.5

@@ -97,7 +97,8 @@ class Style:
     """How it flies. far, near : laws outside and inside the rendezvous zone;  speed, far_speed : m/s, at most, inside
     and outside;  target_speed : m/s, that of the target where it is given instead of estimated;  gain : 1/s and brake :
     m/s^2 of the vector law;  turn : rad/s at most;  command_s : s between two commands;  latency_s : from a command to
-    its effect."""
+    its effect;  floor : m over the site's origin below which it does not sink, whatever backs off, but where it
+    started."""
 
     far: Law = Law.VECTOR
     near: Law = Law.VECTOR
@@ -109,6 +110,7 @@ class Style:
     turn: float = 1.0
     command_s: float = 0.1
     latency_s: float = 0.0
+    floor: float = 2.0
 
 
 @final
@@ -201,6 +203,9 @@ class Pursuer:
             acts = self.bearings.here(t, self.style.latency_s) or here
             P = acts.P + there.P
             kept, hold = kept_apart(want, acts.x, there.x, self.separation, P=P, age_s=there.age)
+            if self.mission.stage is Stage.SEARCH and hold is not Hold.FREE and hold is not Hold.LIMITED:
+                kept = np.zeros(3)  # it could be anywhere: nowhere is better than here
+            kept[2] = max(kept[2], CLIMBS * (min(self.style.floor, self.home[2]) - acts.p[2]))
             self._command = kept - self.bearings.wind(t)  # told so, it flies as it should
         f = self.flown
         f.t.append(t)
