@@ -47,7 +47,7 @@ def assert_sound(s: one.State, before: float = 0.1) -> None:
     deviation of `before`."""
     assert np.isfinite(s.x).all() and np.isfinite(s.P).all() and np.isfinite(s.u).all()
     assert (s.P == s.P.T).all()
-    scale = np.maximum(np.sqrt(np.diag(s.P)), 1e-5 * before)
+    scale = np.maximum(np.sqrt(np.diag(s.P)), max(1e-6, 3e-6 * before))  # four roundings of before^2
     assert np.linalg.eigvalsh(s.P / np.outer(scale, scale))[0] > -1e-4
 
 
