@@ -3,8 +3,9 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 RUN    := $(BIN)/python -m
+VERSIONS := 3.12 3.13  # beside the one that .venv has
 
-.PHONY: demo test lint types layers check-compiled check-plain evidence bench docs clean
+.PHONY: demo test test-versions lint types layers check-compiled check-plain evidence bench docs clean
 demo: $(VENV)/.installed
 	$(BIN)/outrider demo --output demo --force
 
@@ -39,6 +40,19 @@ check-compiled: $(VENV)/.ready
 check-plain: $(VENV)/.ready
 	NUMBA_DISABLE_JIT=1 $(RUN) pytest -m "not evidence and not compiled" --cov --cov-report=term:skip-covered
 
+# The compiled pass under every other version of Python that is found (on the path, or pyenv's); TESTS names a part.
+TESTS ?= tests
+test-versions: $(addprefix test-python-,$(VERSIONS))
+test-python-%: pyproject.toml constraints.txt
+	@for found in python$* $${PYENV_ROOT:-$$HOME/.pyenv}/versions/$*.*/bin/python$* ""; do \
+	  if "$$found" -c "" 2>/dev/null; then break; fi; done; \
+	if test -z "$$found"; then echo "Python $*: not found, not tested"; exit 0; fi; \
+	echo "Python $*: $$found"; \
+	test -x $(VENV)-$*/bin/python || "$$found" -m venv $(VENV)-$* && \
+	$(VENV)-$*/bin/python -m pip install --quiet --disable-pip-version-check "pip>=25.1" && \
+	$(VENV)-$*/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt --group dev -e . && \
+	$(VENV)-$*/bin/python -m pytest -p no:cacheprovider -m "not evidence" $(TESTS)
+
 evidence: $(VENV)/.ready
 	$(RUN) pytest -m evidence -s
 
@@ -47,8 +61,8 @@ bench: $(VENV)/.ready
 
 # The site; the examples are run for its gallery.
 docs: $(VENV)/.ready
-	$(RUN) sphinx --fail-on-warning --keep-going --quiet -b html docs docs/_build/html
+	$(RUN) sphinx --jobs auto --fail-on-warning --keep-going --quiet -b html docs docs/_build/html
 	@echo "open docs/_build/html/index.html"
 
 clean:
-	rm -rf $(VENV) .pytest_cache .ruff_cache .hypothesis .coverage demo docs/_build docs/gallery docs/reference
+	rm -rf $(VENV) $(VENV)-* .pytest_cache .ruff_cache .hypothesis .coverage demo docs/_build docs/gallery docs/reference

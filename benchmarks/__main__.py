@@ -10,6 +10,7 @@ import pkgutil
 import platform
 import shlex
 import sys
+import time
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -20,6 +21,8 @@ from rich.table import Table
 import benchmarks
 from benchmarks.commands import Waited, commands
 from benchmarks.growth import Grown, all_growths, grow
+from benchmarks.onboard import lines as share_lines
+from benchmarks.onboard import shares
 from benchmarks.table import HEADER, Row, Timing, cells, figures, markdown, measure
 
 PAGE = Path(__file__).parents[1] / "docs" / "evidence" / "benchmarks.md"
@@ -48,7 +51,7 @@ def preamble(repetitions: int) -> list[str]:
     return [
         f"{datetime.now(UTC):%Y-%m-%d}, {processor()}, {platform.system()} {platform.machine()}",
         f"Python {platform.python_version()}, " + ", ".join(f"{p} {_version(p)}" for p in packages),
-        f"{repetitions} repetitions of all sides, interleaved, one thread; the ratio is the median over repetitions",
+        f"At most {repetitions} repetitions of all sides, interleaved, one thread; the ratio is their median",
         "Machines, and one machine from hour to hour, differ by a factor of two or more: trust the ratios",
         f"Made by `{shlex.join(['python', '-m', 'benchmarks', *sys.argv[1:]])}`",
     ]
@@ -92,7 +95,7 @@ def grown_lines(grown: list[Grown]) -> list[str]:
 
 
 def gate(timings: list[Timing]) -> list[str]:
-    """What is slower beside its peers than half of what was kept, or is not kept yet; one line each."""
+    """What is slower beside its peers than half of what was kept, one line each; what is not kept yet passes."""
     kept = {row["name"]: row for row in json.loads(KEPT.read_text(encoding="utf-8"))["rows"]}
     out = list[str]()
     for t in timings:
@@ -116,23 +119,32 @@ def main() -> int:
     )
     parser.add_argument("--only", default="", metavar="TEXT", help="rows whose name contains this text")
     parser.add_argument("--without", action="append", default=[], metavar="MODULE", help="leave out, as `planning`")
-    parser.add_argument("--repetitions", type=int, default=15)
+    parser.add_argument("--repetitions", type=int, default=9)
     asked = parser.parse_args()
+    if asked.write and asked.only:
+        parser.error("--write keeps the whole page: leave out --only")
+    if asked.gate and not KEPT.exists():
+        parser.error(f"nothing is kept to compare with: --write makes {KEPT.name}")
     console = Console()
     timings: list[Timing] = []
+    begun = time.monotonic()
     for row in registry(asked.without):
         if asked.only.lower() in row.name.lower():
             with console.status(f"{row.name} (the first run compiles)"):
                 timings.append(measure(row, asked.repetitions))
+            print(f"{time.monotonic() - begun:5.0f} s  {row.name}", file=sys.stderr, flush=True)
     whole = not asked.only
     waited = commands() if whole and "commands" not in asked.without else []
     grown = [grow(g) for g in all_growths()] if whole and "growth" not in asked.without else []
+    aboard = shares() if whole and "onboard" not in asked.without else []
     show(timings, console)
-    more = [*waited_lines(waited), "", *grown_lines(grown)] if waited and grown else []
+    parts = [waited_lines(waited) if waited else [], grown_lines(grown) if grown else []]
+    parts.append(share_lines(aboard) if aboard else [])
+    more = [line for part in parts if part for line in ("", *part)]
     console.print("\n".join(more), highlight=False)
     if asked.write:
         PAGE.parent.mkdir(parents=True, exist_ok=True)
-        text = markdown(timings, preamble(asked.repetitions)) + "".join(f"{line}\n" for line in ["", *more] if more)
+        text = markdown(timings, preamble(asked.repetitions)) + "".join(f"{line}\n" for line in more)
         PAGE.write_text(text, encoding="utf-8")
         told = {"about": preamble(asked.repetitions), "rows": [figures(t) for t in timings]}
         told["commands"] = [
@@ -142,6 +154,7 @@ def main() -> int:
             {"name": g.growth.name, "sizes": list(g.growth.sizes), "seconds": list(g.seconds), "exponent": g.exponent}
             for g in grown
         ]
+        told["onboard"] = [{"work": s.work, "share": s.share, "peak_mb": s.peak} for s in aboard]
         KEPT.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
         console.print(f"written to {PAGE.relative_to(Path.cwd()) if PAGE.is_relative_to(Path.cwd()) else PAGE}")
     if asked.gate:

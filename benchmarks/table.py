@@ -2,8 +2,8 @@
 
 A module of this package contributes with a function `rows() -> list[Row]`. Times are CPU time per event. Repetitions of
 all sides of a row are interleaved, so that what disturbs the machine disturbs everybody; the ratio is the median of
-the ratios within each repetition. A side that has taken `BOUND_S` and was timed `FEWEST` times is timed no more: slow
-peers get fewer repetitions.
+the ratios within each repetition. What has taken `BOUND_S` is timed no more, a peer after one time, ours after
+`FEWEST`: the slow get fewer repetitions.
 """
 
 from collections.abc import Callable, Sequence
@@ -13,7 +13,7 @@ from typing import final
 
 import numpy as np
 
-BOUND_S, FEWEST = 10.0, 2
+BOUND_S, FEWEST = 5.0, 3
 
 
 @final
@@ -59,8 +59,8 @@ class Timing:
 
     def ratio(self, side: int) -> float:
         """How many of our events fit in one of the peer's."""
-        theirs = self.times[side]
-        return float(np.median(np.divide(theirs, self.times[0][: len(theirs)])))
+        both = list(zip(self.times[side], self.times[0], strict=False))
+        return float(np.median([theirs / ours for theirs, ours in both]))
 
 
 def agree(row: Row, events: int = 60) -> float:
@@ -79,7 +79,8 @@ def measure(row: Row, repetitions: int) -> Timing:
     timing = Timing(row, [[] for _ in sides], row.quality() if row.quality else "")
     for _ in range(repetitions):
         for side, times in zip(sides, timing.times, strict=True):
-            if len(times) >= FEWEST and side is not row.ours and sum(times) * side.events > BOUND_S * 1e6:
+            enough = len(times) >= (FEWEST if side is row.ours else 1)
+            if enough and sum(times) * side.events > BOUND_S * 1e6:
                 continue
             start = process_time()
             side.run(side.events)

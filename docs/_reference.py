@@ -3,14 +3,17 @@
 import ast
 import os
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import typer
+from PIL import Image, ImageOps
 from sphinx.application import Sphinx
 from sphinx.errors import ExtensionError
 from sphinx.util.docstrings import prepare_docstring
@@ -54,21 +57,35 @@ def write_pages(app: Sphinx) -> None:
 
 
 def add_prints(app: Sphinx) -> None:
-    """Run every example, and add what it prints to its page."""
-    for script in [] if QUICK else sorted((SOURCE.parents[1] / "examples").glob("[0-9]*.py")):
-        with TemporaryDirectory() as folder:
-            done = subprocess.run(
-                [sys.executable, str(script)], cwd=folder, capture_output=True, text=True, timeout=600
-            )
-        if done.returncode != 0:
-            raise ExtensionError(f"{script.name} failed: {done.stderr.strip().splitlines()[-1]}")
-        page = Path(app.srcdir) / "gallery" / f"{script.stem}.rst"
-        lines = "".join(f"    {line}".rstrip() + "\n" for line in done.stdout.splitlines())
-        told = f"\nIt prints\n\n.. code-block:: text\n\n{lines}"
+    """Run every example, and add what it prints and draws to its page."""
+    scripts = [] if QUICK else sorted((SOURCE.parents[1] / "examples").glob("[0-9]*.py"))
+    gallery = Path(app.srcdir) / "gallery"
+    with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:  # they are processes of their own
+        printed = list(pool.map(lambda script: _ran(script, gallery / "images"), scripts))
+    for script, told in zip(scripts, printed, strict=True):
+        page = gallery / f"{script.stem}.rst"
+        lines = "".join(f"    {line}".rstrip() + "\n" for line in told.splitlines())
         text = page.read_text()
         if "\nIt prints\n" not in text:
-            at = text.find(".. _sphx_glr_download_gallery")
-            page.write_text(text[:at] + told.lstrip("\n") + "\n" + text[at:])
+            begin, end = text.find(".. GENERATED FROM PYTHON"), text.find(".. _sphx_glr_download_gallery")
+            picture = f".. image:: images/{script.stem}.png\n    :alt: {text[:begin].strip().splitlines()[-1]}\n\n"
+            prints = f"It prints\n\n.. code-block:: text\n\n{lines}\n"
+            page.write_text(text[:begin] + picture + text[begin:end] + prints + text[end:])
+
+
+def _ran(script: Path, images: Path) -> str:
+    """What an example prints; its picture is kept, and a small one for the index."""
+    with TemporaryDirectory() as folder:
+        done = subprocess.run([sys.executable, str(script)], cwd=folder, capture_output=True, text=True, timeout=600)
+        if done.returncode != 0:
+            raise ExtensionError(f"{script.name} failed: {done.stderr.strip().splitlines()[-1]}")
+        drawn = Path(folder) / f"{script.stem}.png"
+        (images / "thumb").mkdir(parents=True, exist_ok=True)
+        shutil.copy(drawn, images)
+        with Image.open(drawn) as picture:
+            small = ImageOps.pad(picture.convert("RGB"), (400, 280), color="white")
+            small.save(images / "thumb" / f"sphx_glr_{script.stem}_thumb.png")
+    return done.stdout
 
 
 def as_text(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
@@ -111,7 +128,8 @@ def cli_page() -> Iterator[str]:
     from outrider.cli.app import app
 
     command: Any = typer.main.get_command(app)
-    yield "# Command line\n\nMade from the program: `outrider COMMAND --help` says the same. [Exit codes](../exit-codes.md).\n"
+    yield "# Command line\n\nMade from the program: `outrider COMMAND --help` says the same. "
+    yield "[Exit codes](../exit-codes.md).\n"
     for name, one in command.commands.items():
         context = typer.Context(one, info_name=f"outrider {name}")
         text = one.get_help(context)

@@ -7,10 +7,13 @@ Fuse a log from Python: a simulated robot here, `read_log(Path("my.bag"))` for a
 """
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
 from outrider.data import Verdict
+from outrider.plot.maps import map_figure
+from outrider.plot.style import save_png
 from outrider.sim import wheeled_log
 from outrider.workflows.config import FuseConfig
 from outrider.workflows.evaluate import compare_trajectories
@@ -34,6 +37,9 @@ miss = np.hypot(*fixes.y[held, :2].T)
 print(f"{held.sum()} fixes that were not used lie {np.sqrt(np.mean(miss**2)):.3f} m (RMS) from the estimate")
 
 estimate = replace(run.fused.pose, datum=run.datum)
-errors = compare_trajectories(estimate, truth.trajectory()).errors
+compared = compare_trajectories(estimate, truth.trajectory())
+errors = compared.errors
 heading_deg = np.degrees(errors.heading.rmse)
 print(f"horizontal RMSE against the truth: {errors.position_2d.rmse:.3f} m, heading {heading_deg:.2f} deg")
+save_png(map_figure(run, reference=compared.reference), Path("01_fuse_in_python.png"))
+print("finished")

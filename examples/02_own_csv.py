@@ -13,6 +13,8 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from outrider.io.runs import read_fused, read_summary
+from outrider.plot.motion import motion_figure
+from outrider.plot.style import save_png
 from outrider.sim import wheeled_log
 from outrider.workflows.fuse_file import Input, fuse_file
 
@@ -56,10 +58,15 @@ with TemporaryDirectory() as room:
             writer.writerow({"stamp_us": t, "sensor": "gnss", **place})
     mapping.write_text(MAPPING)
 
-    fuse_file(Input(log=table, mapping=mapping), output, report=False)
+    run = fuse_file(Input(log=table, mapping=mapping), output, report=False)
 
     summary, fused = read_summary(output), read_fused(output)
     print(summary["outcome"]["text"])
     for account in summary["accounts"]:
         print(f"{account['source']:10} {account['role']:8} {account['used']} of {account['received']} used")
     print(f"{len(fused)} poses over {fused.length:.1f} m")
+
+figure = motion_figure(run)
+assert figure is not None  # there are poses
+save_png(figure, Path("02_own_csv.png"))
+print("finished")

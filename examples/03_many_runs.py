@@ -15,6 +15,10 @@ import numpy as np
 
 from outrider.campaign import grid, run_trials
 from outrider.eval import corrected, paired, summary
+from outrider.plot.campaign import spread_figure
+from outrider.plot.style import save_png
+
+PICTURE = Path("03_many_runs.png")
 
 
 def survey(params: Mapping[str, Any], seed: int) -> dict[str, float]:
@@ -41,4 +45,7 @@ if __name__ == "__main__":  # the processes import this file, too
             f"{d.mean:+.3f} m [{d.low:+.3f}, {d.high:+.3f}], better in {d.wins:.0%} of {d.n} seeds"
         )
     print("p, corrected for three tests:", ", ".join(f"{p:.2g}" for p in corrected(p_values)))
+    names = [f"{c['reflected']:.0%} reflected, {c['average']}" for c in cases]
+    errors = np.array([row.values["error_m"] for row in trials.rows], float)
+    save_png(spread_figure({"error [m]": errors}, np.array([r.case for r in trials.rows]), names), PICTURE)
     print(f"finished: {len(trials.rows)} trials, {len(trials.failed)} failed")

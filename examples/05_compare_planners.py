@@ -10,6 +10,7 @@ alike: their row, and that of RRT*, count metres only. RRT* needs the package `o
 
 import importlib.util
 from dataclasses import replace
+from pathlib import Path
 from time import perf_counter
 
 import numpy as np
@@ -17,11 +18,13 @@ from rich.console import Console
 from rich.table import Table
 from scipy.ndimage import distance_transform_edt
 
-from outrider.data.grid import INSCRIBED, LETHAL, Costmap
+from outrider.data.grid import INSCRIBED, LETHAL, Costmap, Grid
 from outrider.planning.astar import AStar
 from outrider.planning.dstar import DStarLite
 from outrider.planning.refine import Refined, resample
 from outrider.planning.sampling import SamplingPlanner
+from outrider.plot.drives import Line, Site, sites_figure
+from outrider.plot.style import save_png
 
 SIDE, CELL = 400, 0.1  # cells, m
 
@@ -52,6 +55,7 @@ def main() -> None:
     }
     if importlib.util.find_spec("ompl"):
         planners["RRT* for 1 s, metres only"] = (SamplingPlanner(seconds=1.0), plain, lambda: 0)
+    ways = list[Line]()
     table = Table(title=f"{SIDE} x {SIDE} cells")
     for title in ("planner", "cost [m]", "length [m]", "time [ms]", "again [ms]", "expanded", "again", "memory [MB]"):
         table.add_column(title, justify="right")
@@ -67,9 +71,13 @@ def main() -> None:
         begun = perf_counter()
         again = planner.plan(replace(grid, cells=blocked), start, goal)
         second = perf_counter() - begun
+        ways.append(Line(name, path.points))
         held = f"{memory() / 2**20:.1f}" if memory() else "-"
         numbers = (f"{path.cost:.3f}", f"{path.length:.3f}", f"{first * 1e3:.1f}", f"{second * 1e3:.1f}")
         table.add_row(name, *numbers, str(path.expanded), str(again.expanded), held)
+    there = Grid(cells=np.where(graded.cells >= LETHAL, 100, 0).astype(np.uint8), resolution=CELL, origin=np.zeros(2))
+    figure = sites_figure([Site(title="from the lower left to the upper right", grid=there, lines=tuple(ways))])
+    save_png(figure, Path("05_compare_planners.png"), dpi=170)
     Console(width=110).print(table, "finished")
 
 

@@ -19,6 +19,8 @@ from outrider.mapping.inflation import Inflation
 from outrider.mapping.layers import LayeredCostmap
 from outrider.mapping.outlines import FootprintCheck
 from outrider.mapping.sites import draw
+from outrider.plot.site import site_figure
+from outrider.plot.style import save_png
 from outrider.workflows.map_site import map_site
 
 DEPOT = Path(__file__).with_suffix(".yaml")
@@ -46,5 +48,6 @@ check = FootprintCheck(body, resolution=0.1)
 for ahead in (0.0, 1.9, 2.5):
     stand, cell = check(layers.costmap, here + np.array([ahead, 0.0, 0.0]))
     print(f"{ahead:g} m ahead: {stand.value}")
+save_png(site_figure(layers.costmap, None), Path("06_map_a_site.png"))
 print("speed allowed at the gate:", drawn.zones.speed_at(np.array([5.0, 0.0])), "m/s")
 print("finished")

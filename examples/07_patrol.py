@@ -6,6 +6,8 @@ A mission in a behaviour tree
 A robot on patrol whose mission runs in a behaviour tree: it goes home early in the rain. Needs outrider[trees].
 """
 
+from pathlib import Path
+
 import numpy as np
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
@@ -13,6 +15,8 @@ from py_trees.composites import Selector, Sequence
 
 from outrider.guidance.patrol import Rules
 from outrider.guidance.trees import Advance, Slate, transition_of
+from outrider.plot.drives import Line, Site, sites_figure
+from outrider.plot.style import save_png
 from outrider.scenarios.build import build
 from outrider.scenarios.files import load_scenario
 from outrider.team.patrol import Patrol
@@ -42,4 +46,7 @@ run = cast.run()
 for note in run.notes:
     print(f"{(note.t - run.monitor.start) * 1e-9:5.1f} s  {note.robot}: {note.text}")
 print(f"the robot: {robot.mission.duty.value}, battery at {100 * robot.share:.0f} %")
+way = Line("driven", run.truth["r1"].p[:, :2])
+there = cast.world.grid
+save_png(sites_figure([Site(title="the patrol that went home early", grid=there, lines=(way,))]), Path("07_patrol.png"))
 print("finished")

@@ -6,11 +6,14 @@ One drone follows another
 How near a follower may fly at some rates of fixes, and how near it comes when its target stops dead.
 """
 
+from pathlib import Path
+
 from outrider.errors import ConfigError
 from outrider.guidance.rendezvous import Stage, Why
+from outrider.plot.style import save_png
 from outrider.scenarios.build import build
 from outrider.scenarios.files import load_scenario
-from outrider.scenarios.followed import pursuers, pursuit
+from outrider.scenarios.followed import pursuers, pursuit, pursuit_figures
 
 for rate_hz in (1.0, 5.0):
     given = {"target": "stop", "gnss_hz": rate_hz, "zone": 9.0, "duration_s": 35.0}
@@ -29,5 +32,7 @@ cast = build(*load_scenario("follow-leader", {"target": "silent", "duration_s": 
 run = cast.run()
 for note in run.notes:
     print(f"{(note.t - run.monitor.start) * 1e-9:5.1f} s  {note.robot}: {note.text}")
+((title, figure),) = pursuit_figures(cast, run)
+save_png(figure, Path("08_follow.png"))
 assert pursuers(cast)["follower"].counts[Stage.SEARCH, Why.LOST] == 1
 print("finished")

@@ -3,15 +3,28 @@
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation, RotationSpline
 
 from outrider.core.attitudes import quats_to_matrices, rpy_to_quats
+from outrider.core.magnetism import field_enu
 from outrider.data import EventLog
 from outrider.sim.logs import drone_log, sense, wheeled_log
 from outrider.sim.motion import drive
 from outrider.sim.noise import generator
-from outrider.sim.sensors import Attitude, BodyTwist, Gnss, GnssVelocity, Imu
-from outrider.sim.truth import Drift, drift
+from outrider.sim.sensors import (
+    Attitude,
+    BodyTwist,
+    Gnss,
+    GnssVelocity,
+    Imu,
+    Magnetometer,
+    SteeringEncoder,
+    WheelEncoders,
+)  # fmt: skip
+from outrider.sim.truth import EPOCH, SITE, Drift, Truth, drift
 from outrider.typing import Floats
+
+FIELD = tuple(field_enu(SITE.lat, SITE.lon, SITE.alt, EPOCH)[0].tolist())
 
 True_ = dict[tuple[str, str], float]  # (source, parameter) -> value, in the words and units of the table
 
@@ -33,7 +46,7 @@ def turned(log: EventLog, name: str, R: Floats) -> EventLog:
     return log.with_streams(replace(log.streams[name], z=np.hstack([z[:, :3] @ R, z[:, 3:] @ R])))
 
 
-def wheeled(seed: int, duration_s: float = 150.0) -> tuple[EventLog, True_]:
+def wheeled(seed: int, duration_s: float = 80.0) -> tuple[EventLog, True_]:
     """A rover of which nobody wrote down anything."""
     rng = np.random.default_rng([seed, 7])
     lever = (*rng.uniform(-0.6, 0.6, 2).tolist(), 0.5)
@@ -54,23 +67,96 @@ def wheeled(seed: int, duration_s: float = 150.0) -> tuple[EventLog, True_]:
     }  # fmt: skip
 
 
-def flown(seed: int, duration_s: float = 90.0) -> tuple[EventLog, True_]:
+def flown(seed: int, duration_s: float = 50.0) -> tuple[EventLog, True_]:
     """A drone whose antenna and receiver's clock nobody wrote down."""
     rng = np.random.default_rng([seed, 8])
-    lever = (*rng.uniform(-0.4, 0.4, 2).tolist(), 0.1)
+    lever = tuple(rng.uniform(-0.4, 0.4, 3).tolist())
     fix = float(rng.uniform(-0.2, 0.2))
-    sensors = (Imu(rate_hz=200.0), Gnss(lever=lever, latency_s=0.2), GnssVelocity(lever=lever, latency_s=0.2))
+    gnss, velocity = Gnss(lever=lever, latency_s=0.2), GnssVelocity(lever=lever, latency_s=0.2)
+    sensors = (Imu(rate_hz=200.0), gnss, velocity)
     log, _ = drone_log(seed, duration_s, sensors=sensors, errors=Drift())
     log = replace(late(late(log, "gnss", fix), "gnss_velocity", fix), mounts={})
     return log, {
         ("gnss", "lever arm, forward"): lever[0], ("gnss", "lever arm, left"): lever[1],
-        ("gnss", "delay against the IMU"): fix,
+        ("gnss", "lever arm, up"): lever[2], ("gnss", "delay against the IMU"): fix,
     }  # fmt: skip
+
+
+def magnetized(log: EventLog, name: str, seed: int, *, level: bool) -> tuple[EventLog, True_]:
+    """The magnetometer beside iron, z = M m + b with M and b drawn, and what the table says of it. Of a robot that only
+    yaws the part that it shows: what the steady vertical field makes of soft iron counts as hard iron."""
+    rng = np.random.default_rng([seed, 9])
+    b, s = rng.uniform(-0.3, 0.3, 3), rng.uniform(-0.1, 0.1, 6)
+    M = np.linalg.inv(np.eye(3) + np.array([[s[0], s[3], s[4]], [s[3], s[1], s[5]], [s[4], s[5], s[2]]]))
+    z = log.streams[name].z @ M.T + b
+    n = 2 if level else 3
+    centre = b[:n] + M[:n, n:].sum(axis=1) * FIELD[2] if level else b
+    W = np.linalg.inv(M[:n, :n])
+    W, names = W / W[0, 0], ("forward", "left", "up")
+    true = {(name, f"hard iron, {names[k]}"): float(centre[k]) for k in range(n)}
+    true |= {(name, f"soft iron, {names[k]} over forward"): float(W[k, k]) for k in range(1, n)}
+    true |= {
+        (name, f"soft iron, {names[k]} with {names[m]}"): float(W[k, m]) for k in range(n) for m in range(k + 1, n)
+    }
+    return log.with_streams(replace(log.streams[name], z=z)), true
+
+
+def steered(seed: int, duration_s: float = 60.0) -> tuple[EventLog, True_]:
+    """A car of which nobody wrote down the wheel base, whose steering is off, with a compass beside iron."""
+    rng = np.random.default_rng([seed, 10])
+    base, zero, wheel = rng.uniform(0.5, 2.5), np.radians(rng.uniform(-4.0, 4.0)), float(rng.uniform(-0.15, 0.15))
+    truth = rolling(seed, duration_s)
+    v, w = forward(truth)
+    truth = replace(truth, actuators=np.column_stack([v, np.clip(np.arctan2(base * w, v), -1.2, 1.2)]))
+    gnss = Gnss(lever=(0.3, 0.1, 0.5), latency_s=0.12, phase_s=0.013)
+    sensors = (Imu(), SteeringEncoder(offset=float(zero)), gnss, Magnetometer(field=FIELD))
+    log, iron = magnetized(late(sense(truth, sensors, seed), "steering", wheel), "mag", seed, level=True)
+    return log, iron | {
+        ("steering", "delay against the IMU"): wheel, ("steering", "wheel base"): float(base),
+        ("steering", "steering zero"): float(np.degrees(zero)), ("steering", "speed scale"): 1.0,
+    }  # fmt: skip
+
+
+def tracked(seed: int, duration_s: float = 60.0) -> tuple[EventLog, True_]:
+    """A robot that tells the speeds of its left and right wheels, whose radii are not quite what it takes them for.
+    Ticks are counted up to the stamp, and so are half a period old."""
+    rng = np.random.default_rng([seed, 11])
+    track, scale, wheel = rng.uniform(0.3, 1.2), rng.uniform(0.95, 1.05), float(rng.uniform(-0.15, 0.15))
+    truth = rolling(seed, duration_s)
+    v, w = forward(truth)
+    truth = replace(truth, actuators=np.column_stack([v - 0.5 * track * w, v + 0.5 * track * w]) / scale)
+    sensors = (Imu(), WheelEncoders(wheels=2, rate_hz=25.0, sigma=0.02), Gnss(lever=(0.3, 0.1, 0.5), phase_s=0.013))
+    return late(sense(truth, sensors, seed), "encoders", wheel), {
+        ("encoders", "delay against the IMU"): wheel + 0.02, ("encoders", "wheel track"): float(track),
+        ("encoders", "speed scale"): float(scale),
+    }  # fmt: skip
+
+
+def tumbled(seed: int, duration_s: float = 60.0) -> tuple[EventLog, True_]:
+    """An IMU with a compass beside iron, turned by hand every way."""
+    truth = rolling(seed, duration_s)
+    t = (truth.t - truth.t[0]) * 1e-9
+    knots = np.arange(0.0, duration_s + 6.0, 3.0)
+    spline = RotationSpline(knots, Rotation.random(len(knots), random_state=seed))
+    turn, still = spline(t), np.zeros((len(t), 3))
+    held = turn.inv().apply(np.array([0.0, 0.0, truth.gravity]))
+    truth = replace(truth, q=turn.as_quat(), w=spline(t, 1), f=held, p=still, v=still)
+    return magnetized(sense(truth, (Imu(), Magnetometer(field=FIELD)), seed), "mag", seed, level=False)
+
+
+def rolling(seed: int, duration_s: float) -> Truth:
+    truth = drive(generator(seed, "robot", "motion"), duration_s)
+    return drift(truth, generator(seed, "robot", "drift"), Drift(wheels_start=0.0))
+
+
+def forward(truth: Truth) -> tuple[Floats, Floats]:
+    """Speed and yaw rate of a robot that does not slide."""
+    return np.hypot(truth.v[:, 0], truth.v[:, 1]), truth.w[:, 2]
 
 
 def straight(seed: int) -> EventLog:
     """A rover that drives straight on: turns, levers across and the gyro's scale show in nothing."""
-    truth = drive(generator(seed, "robot", "motion"), 120.0, turn=0.0)
+    truth = drive(generator(seed, "robot", "motion"), 60.0, turn=0.0)
     truth = drift(truth, generator(seed, "robot", "drift"))
     return sense(truth, (Imu(), BodyTwist(), Gnss(lever=(0.3, 0.2, 0.5))), seed)
 

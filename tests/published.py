@@ -3,7 +3,18 @@
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from subprocess import run
 from textwrap import fill
+
+
+def code() -> str:
+    """The commit that is measured, with a plus if what is measured has been changed since."""
+    here = Path(__file__).resolve().parents[1]
+    told = [
+        run(["git", "-C", str(here), *words], capture_output=True, text=True, check=False).stdout.strip()
+        for words in (["rev-parse", "--short", "HEAD"], ["status", "--porcelain", "src"])
+    ]
+    return (told[0] or "unknown") + ("+" if told[1] else "")
 
 
 def publish(name: str, title: str, text: str, header: tuple[str, ...], rows: Sequence[tuple[object, ...]]) -> Path:

@@ -145,6 +145,19 @@ def test_a_band_stands_over_the_digits() -> None:
     assert Row(name="x", printed="0.51").verdict is Verdict.OPEN and Row(name="x").verdict is Verdict.OPEN
 
 
+def test_too_few_seeds_have_no_verdict() -> None:
+    rows = [Row(name=f"value {k}", printed="0.51", ours=summary([0.4, 0.62]), accept=(0.5, 0.52)) for k in range(9)]
+    assert rows[0].ours is not None and rows[0].ours.mean == pytest.approx(0.51)  # in the band, and yet
+    assert {r.verdict for r in rows} == {Verdict.FEW}
+    assert Table(key="few", title="", rows=tuple(rows)).sentence == "9 without a verdict: it takes 3 seeds or more"
+
+
+def test_a_sentence_lists_no_more_than_a_few_names() -> None:
+    rows = tuple(Row(name=f"x, {k % 6}", printed="1.0", ours=exact(2.0)) for k in range(32))
+    said = Table(key="many", title="", rows=rows).sentence
+    assert said.endswith("what differs: x, 0; x, 1; x, 2; x, 3 and 28 more")
+
+
 @pytest.fixture
 def simulated() -> Paper:
     """A paper with experiments of ours: one campaign, two tables."""
@@ -226,7 +239,7 @@ def test_keys_are_anchors() -> None:
 
 
 def test_tables_of_amr2025_from_given_trials(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two seeds whose numbers are known: means, worst, ratios and verdicts follow."""
+    """Three seeds whose numbers are known: means, worst, ratios and verdicts follow."""
     from outrider.campaign.papers import amr2025_tables as tables
 
     def column(work: Work, place: str, name: str) -> np.ndarray | None:
@@ -234,21 +247,21 @@ def test_tables_of_amr2025_from_given_trials(monkeypatch: pytest.MonkeyPatch) ->
             return None
         n = 3 if place == "map 3" else 2
         known = {
-            "goal_error": np.full((2, n), 0.02) + np.array([[0.0], [0.02]]),
-            "goal_estimate": np.full((2, n), 0.01),
-            "goal_control": np.full((2, n), 0.03),
-            "length_planned": np.array([100.0, 200.0]),
-            "length_driven": np.array([101.0, 206.0]),
-            "raw_rmse": np.array([2.0, 4.0]),
-            "degraded_rmse": np.array([1.0, 1.0]),
-            "degraded_ratio": np.array([0.5, 0.25]),
+            "goal_error": np.full((3, n), 0.02) + np.array([[0.0], [0.02], [0.01]]),
+            "goal_estimate": np.full((3, n), 0.01),
+            "goal_control": np.full((3, n), 0.03),
+            "length_planned": np.array([100.0, 200.0, 200.0]),
+            "length_driven": np.array([101.0, 206.0, 204.0]),
+            "raw_rmse": np.array([2.0, 4.0, 2.0]),
+            "degraded_rmse": np.array([1.0, 1.0, 0.75]),
+            "degraded_ratio": np.array([0.5, 0.25, 0.375]),
         }
-        return known.get(name, np.array([0.9, 0.9]))
+        return known.get(name, np.array([0.9, 0.9, 0.9]))
 
     monkeypatch.setattr(tables, "column", column)
     goals = {f"{r.group}: {r.name}": r for r in tables.driven_goals(Work(seeds=0)).rows}
     mean, worst = goals["seven goals of the real maps: mean"], goals["seven goals of the real maps: worst of all seeds"]
-    assert mean.ours is not None and mean.ours.mean == pytest.approx(0.03) and mean.ours.n == 2
+    assert mean.ours is not None and mean.ours.mean == pytest.approx(0.03) and mean.ours.n == 3
     assert worst.ours is not None and worst.ours.mean == pytest.approx(0.04) and worst.verdict is Verdict.AGREES
     assert goals[f"{tables.MUJOCO}: (-2.78, -7.42)"].verdict is Verdict.OPEN
     paths = {f"{r.group}: {r.name}": r for r in tables.driven_paths(Work(seeds=0)).rows}

@@ -50,6 +50,9 @@ def test_lists_and_grids(text: str, values: tuple[object, ...]) -> None:
         ("speed=1:2:99999999", "too many"),
         ("speed=0:1:log", "no logarithm"),
         ("speed=1,2,1", "twice"),
+        ("speed=nan", "no number that could be run"),
+        ("speed=1,.inf", "no number that could be run"),
+        ("speed=0:inf", "no number that could be run"),
     ],
 )
 def test_what_is_no_axis_is_one_line(text: str, says: str) -> None:
@@ -113,6 +116,10 @@ def test_a_campaign_is_run_told_gone_on_with_and_one_of_its_trials_replayed(
     assert (folder / "rows.jsonl").read_text().splitlines()[:4] == rows
     told = document(read_results(folder), ["distance_m"])
     assert told["ended"] == told["asked"] == 6 and told["groups"] == ["speed=2", "speed=4"]
+    # values that somebody chose have a page of their own
+    own = (folder / "report.html").read_text()
+    assert main(["campaign", "report", str(folder), "--value", "distance_m"]) == ExitCode.OK
+    assert (folder / "report.html").read_text() == own and (folder / "report-distance_m.html").exists()
     pair = next(line["difference"] for line in told["lines"] if line["case"] == "speed=4")
     assert pair["mean"] > 0.0 and pair["n"] == 3
     # another configuration is refused, with the difference
@@ -128,8 +135,12 @@ def test_a_campaign_is_run_told_gone_on_with_and_one_of_its_trials_replayed(
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["follow-field", "--vary", "sped=1,2"], "unknown key"),
-        (["follow-field", "--vary", "speed=-1,2"], "speed"),
+        (["follow-field", "--vary", "sped=1,2"], "--vary sped: unknown key (did you mean 'speed'?)"),
+        (["follow-field", "--vary", "team.drone.mision.speed=1,2"], "--vary team.drone.mision.speed"),
+        (["follow-field", "--vary", "speed=-1,2"], "--vary speed=-1: "),
+        (["follow-field", "--vary", "speed=nan"], "--vary speed=nan: "),
+        (["follow-field", "--set", "speed=-1", "--vary", "wind=1,2"], "--set speed"),
+        (["report", "somewhere", "-o", "there"], "leave out --output"),
         (["no-such-scenario"], "no-such-scenario"),
         (["follow-field", "--runs", "0"], "--runs"),
         (["follow-field", "--engine", "slurm"], "no such engine"),

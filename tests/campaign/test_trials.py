@@ -19,6 +19,10 @@ from trial_functions import clock, deadly, drift, environment, fragile
 
 from outrider.campaign import Trials, grid, run_trials
 from outrider.campaign.pool import DIED
+from outrider.campaign.replay import replay
+from outrider.campaign.report import document
+from outrider.campaign.results import lines as results_lines
+from outrider.campaign.results import read_results
 from outrider.errors import ConfigError, OutputExistsError, OutriderError, UsageError
 from outrider.eval import paired
 from outrider.io.trials import MARKER, ROWS, TABLE, TrialStore, read_trials
@@ -71,8 +75,9 @@ def test_the_table_holds_everything(tmp_path: Path) -> None:
     assert table["param.model"].to_pylist() == ["a", "a", "b", "b"] * 2
     np.testing.assert_array_equal(table["end"].to_numpy(), [r.values["end"] for r in trials.rows])
     np.testing.assert_array_equal(table["walk"].to_pylist()[5], trials.rows[5].values["walk"])
-    configuration, rows = read_trials(tmp_path)
-    assert configuration["cases"] == CASES and len(rows) == 8 and all(r["wall_s"] >= 0 for r in rows)
+    stored = read_trials(tmp_path)
+    assert stored.configuration["cases"] == CASES and len(stored.rows) == 8
+    assert all(r["wall_s"] >= 0 for r in stored.rows)
 
 
 @pytest.mark.parametrize("workers", [0, 2])
@@ -108,8 +113,7 @@ def test_a_process_that_dies_takes_nothing_with_it(tmp_path: Path) -> None:
     trials = run_trials(deadly, [case], 10, workers=2, store=tmp_path / "rows")
     assert [(r.seed, r.error) for r in trials.failed] == [(4, DIED)]
     np.testing.assert_array_equal(np.delete(trials.column("value"), 4), np.delete(np.arange(10) * 0.1, 4))
-    _, rows = read_trials(tmp_path / "rows")
-    assert len(rows) == 10
+    assert len(read_trials(tmp_path / "rows").rows) == 10
 
 
 def test_a_death_is_tried_again_on_resuming(tmp_path: Path) -> None:
@@ -124,7 +128,7 @@ def test_a_death_is_tried_again_on_resuming(tmp_path: Path) -> None:
 def _configuration(case: dict[str, object], tmp_path: Path) -> dict[str, Any]:
     """What a campaign of `deadly` writes into its folder."""
     run_trials(deadly, [case | {"once": []}], 1, store=tmp_path / "other")
-    return {**read_trials(tmp_path / "other")[0], "cases": [case]}
+    return {**read_trials(tmp_path / "other").configuration, "cases": [case]}
 
 
 def test_workers_compute_with_one_thread_and_leave_the_environment_alone(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -221,7 +225,7 @@ def test_ctrl_c_leaves_what_was_done_and_waits_for_nothing(tmp_path: Path) -> No
     process.send_signal(signal.SIGINT)
     told, _ = process.communicate(timeout=60)
     assert told == f"3 of 6 trials are kept in {folder}\n" and process.returncode == 0
-    assert sorted((r["case"], r["seed"]) for r in read_trials(folder)[1]) == [(0, 0), (0, 1), (0, 2)]
+    assert sorted((r["case"], r["seed"]) for r in read_trials(folder).rows) == [(0, 0), (0, 1), (0, 2)]
 
 
 def test_resuming_adds_seeds(tmp_path: Path) -> None:
@@ -238,9 +242,43 @@ def test_damaged_lines_run_again(tmp_path: Path) -> None:
     lines = (tmp_path / ROWS).read_text().splitlines(keepends=True)
     lines[2], lines[4], lines[5] = lines[2][:20] + "\n", "\0\0\xff\n", '{"case": "x"}\n'
     (tmp_path / ROWS).write_text("".join(lines))
+    assert read_trials(tmp_path).damaged == (3, 5, 6)
+    told = document(read_results(tmp_path))
+    assert told["ended"] == 5 and told["damaged_lines"] == [3, 5, 6]
+    assert "lines 3, 5, 6 of rows.jsonl are damaged" in told["warnings"][0] and "--resume" in told["warnings"][0]
     trial_functions.CALLS.clear()
     again = run_trials(drift, CASES, 2, store=tmp_path, resume=True)
     assert len(trial_functions.CALLS) == 3 and bits(again) == bits(whole)
+    assert read_trials(tmp_path).damaged == () and document(read_results(tmp_path))["ended"] == 8
+
+
+def test_numbers_of_trials_do_not_move_while_others_are_missing(tmp_path: Path) -> None:
+    run_trials(drift, CASES, 3, store=tmp_path)
+    lines = (tmp_path / ROWS).read_text().splitlines(keepends=True)
+    (tmp_path / ROWS).write_text("".join([lines[0], "torn\n", *lines[2:7], lines[8]]))
+    results = read_results(tmp_path)
+    assert results.numbers.tolist() == [0, 2, 3, 4, 5, 6, 8]
+    with pytest.raises(UsageError, match=r"trial 7 has not ended \(7 of 0 to 8 have\)"):
+        replay(tmp_path, 7, tmp_path / "again")
+
+
+def test_pairs_are_of_the_same_seeds_although_rows_are_missing(tmp_path: Path) -> None:
+    whole = run_trials(drift, CASES[:2], 6, store=tmp_path)
+    lines = (tmp_path / ROWS).read_text().splitlines(keepends=True)
+    (tmp_path / ROWS).write_text("".join([*lines[:1], *lines[2:8], *lines[9:]]))  # seed 1 of one case, 2 of the other
+    r = read_results(tmp_path)
+    against = next(line.against for line in results_lines(r, ["end"]) if line.group == r.groups[1])
+    seeds = [0, 3, 4, 5]
+    a, b = (whole.column("end", **case)[seeds] for case in CASES[:2])
+    assert against is not None and against.n == 4 and against.mean == pytest.approx(float(np.mean(b - a)), abs=1e-15)
+
+
+def test_a_campaign_without_a_row_says_so(tmp_path: Path) -> None:
+    run_trials(drift, CASES, 1, store=tmp_path)
+    (tmp_path / ROWS).write_text("torn\n")
+    for ask in (lambda: read_results(tmp_path), lambda: replay(tmp_path, 0, tmp_path / "again")):
+        with pytest.raises(UsageError, match=r"no trial has ended; line 1 of rows.jsonl is damaged.*--resume"):
+            ask()
 
 
 def test_another_configuration_is_refused_with_the_difference(tmp_path: Path) -> None:
@@ -285,26 +323,25 @@ def test_folders_in_use_are_left_alone(tmp_path: Path) -> None:
 
 def test_two_cannot_write_at_once(tmp_path: Path) -> None:
     run_trials(drift, CASES, 1, store=tmp_path)
-    configuration, _ = read_trials(tmp_path)
-    with TrialStore(tmp_path, configuration, resume=True), pytest.raises(UsageError, match="another process"):
+    with (
+        TrialStore(tmp_path, read_trials(tmp_path).configuration, resume=True),
+        pytest.raises(UsageError, match="another process"),
+    ):
         run_trials(drift, CASES, 2, store=tmp_path, resume=True)
     run_trials(drift, CASES, 2, store=tmp_path, resume=True)
 
 
-def test_a_full_disk_stops_cleanly(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    real, calls = json.dumps, [0]
-
-    def dumps(row: object, **options: Any) -> str:
-        calls[0] += isinstance(row, dict) and "seed" in row
-        if calls[0] == 4:
-            raise OSError(28, "No space left on device")
-        return real(row, **options)
-
-    monkeypatch.setattr("outrider.io.trials.json.dumps", dumps)
-    with pytest.raises(UsageError, match=r"no space left on device \(rows so far stay\)"):
-        run_trials(drift, CASES, 2, store=tmp_path)
-    monkeypatch.undo()
-    assert rows_in(tmp_path) == 3
+def test_a_full_disk_stops_cleanly(tmp_path: Path) -> None:
+    """The file may not grow beyond a size: the system refuses in the middle of a line, as a full disk does."""
+    resource = pytest.importorskip("resource")
+    _, hard = (limits := resource.getrlimit(resource.RLIMIT_FSIZE))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (900, hard))
+    try:
+        with pytest.raises(UsageError, match=r"cannot be written: file too large \(rows so far stay\)"):
+            run_trials(drift, CASES, 2, store=tmp_path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert (tmp_path / ROWS).stat().st_size == 900 and 0 < rows_in(tmp_path) < 4
     assert bits(run_trials(drift, CASES, 2, store=tmp_path, resume=True)) == bits(run_trials(drift, CASES, 2))
 
 

@@ -196,7 +196,7 @@ def test_a_log_of_almost_nothing(outrider: Any, small_log: EventLog, tmp_path: P
         assert done.err.count("\n") == 1 and not (tmp_path / "short-run").exists()
     else:
         assert json.loads(done.out)["outcome"]["code"] in (
-            "ok", "degraded", "never_aligned", "no_data", "not_credible",
+            "ok", "degraded", "flawed", "never_aligned", "no_data", "not_credible",
         )  # fmt: skip
 
 

@@ -2,7 +2,9 @@
 
 import importlib
 import re
+import tomllib
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 
@@ -114,3 +116,29 @@ def test_every_function_and_every_test_that_a_paper_page_names_is_there(page: Pa
     paths = re.findall(r"`(tests/[^`]*)`", text)
     assert [p for p in paths if not list(ROOT.glob(p))] == []
     assert [t for t in re.findall(r"`(test_\w+\.py)`", text) if t not in tests] == []
+
+
+def test_what_troubleshooting_quotes_is_said_by_the_program() -> None:
+    joined = re.compile(r'"\s*\n\s*f?"')  # a sentence that goes on in the next line of the source
+    source = "\n".join(joined.sub("", p.read_text()) for p in (ROOT / "src" / "outrider").rglob("*.py"))
+    quoted = re.findall(r'"([^"]+)"', (ROOT / "docs" / "troubleshooting.md").read_text())
+    assert len(quoted) >= 20
+    assert [text for text in quoted if text not in source] == []
+
+
+def test_the_picture_of_the_layers_shows_those_that_are_checked() -> None:
+    contract = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"][0]
+    rows = [[name for name in row.split(" | ") if name[0] != "("] for row in contract["layers"]]
+    picture = ElementTree.parse(ROOT / "docs" / "images" / "layers.svg").getroot()
+    drawn: dict[float, list[str]] = {}
+    for text in picture.iter("{http://www.w3.org/2000/svg}text"):
+        if text.get("class") == "name":
+            drawn.setdefault(float(text.attrib["y"]), []).append(str(text.text))
+    assert [drawn[y] for y in sorted(drawn)] == [row for row in rows if row != ["_sources"]]
+
+
+def test_every_schema_is_named() -> None:
+    told = (ROOT / "docs" / "exit-codes.md").read_text()
+    used = {s for p in (ROOT / "src").rglob("*.py") for s in re.findall(r"outrider\.\w+/1", p.read_text())}
+    assert len(used) >= 12
+    assert sorted(s for s in used if s not in told) == []

@@ -10,7 +10,10 @@ from typing import Any
 
 import pytest
 
+from outrider import _kernel
+from outrider._sources import PACKAGE, stamp
 from outrider.cli import main
+from outrider.cli.installed import kept_kernels
 from outrider.errors import ExitCode
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -52,11 +55,24 @@ def test_the_wheel_runs_where_the_source_is_not(wheel: Path, tmp_path: Path) -> 
     assert (tmp_path / "f" / "report.html").stat().st_size > 10_000
 
 
+@pytest.mark.compiled
+def test_kept_kernels_are_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("outrider._kernel._kept_in", lambda: tmp_path)
+    none, of, size = kept_kernels()
+    assert (none, size) == (0, 0) and of > 90
+    source = PACKAGE / "core" / "angles.py"
+    for kind, name in (("calls", stamp(source, _kernel._TOLD)), ("links", "another version")):
+        (tmp_path / kind / name).mkdir(parents=True)
+        (tmp_path / kind / name / "k.nbc").write_bytes(bytes(100))
+    assert kept_kernels() == (1, of, 200)
+
+
 def test_the_installation_is_looked_at(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert main(["doctor", "--self"]) == ExitCode.OK
-    assert "all that are needed" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "all that are needed" in told and all(line[:3].strip() and line[3] != " " for line in told.splitlines())
     taken = tmp_path / "file"
     taken.write_text("no folder")
     monkeypatch.setenv("OUTRIDER_CACHE", str(taken))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from evidence_table import cpu
 
-from calibration_logs import True_, flown, wheeled
+from calibration_logs import True_, flown, steered, tracked, tumbled, wheeled
 from outrider.data import EventLog
 from outrider.workflows.calibration import calibrate
 from outrider.workflows.config import FuseConfig
@@ -47,7 +47,13 @@ def table(make: Callable[[int], tuple[EventLog, True_]]) -> list[tuple[str, str,
 def test_intervals_hold_what_they_promise() -> None:
     lines = [HEAD]
     misses: list[str] = []
-    for name, make in (("Rover, 150 s, RTK, wheels, IMU", wheeled), ("Drone, 90 s, RTK, IMU", flown)):
+    for name, make in (
+        ("Rover, 80 s, RTK, wheels, IMU", wheeled),
+        ("Drone, 50 s, RTK, IMU", flown),
+        ("Car, 60 s, RTK, steering angles, IMU, magnetometer", steered),
+        ("Left and right wheels, 60 s, RTK, IMU", tracked),
+        ("Magnetometer and IMU, 60 s, turned by hand", tumbled),
+    ):
         lines += [f"## {name}", "", "| source | parameter | found | inside | RMS error | median half width |",
                   "|---|---|---|---|---|---|"]  # fmt: skip
         for source, what, found, inside, rms, half in table(make):

@@ -39,6 +39,23 @@ def test_times_are_per_event_and_ratios_are_ours_into_theirs():
     assert cells(timing)[1:3] == ["2 / 1", "1"]
 
 
+def test_what_is_slow_is_timed_less(monkeypatch):
+    clock = [0.0]
+
+    def takes(seconds):
+        def run(_events):
+            clock[0] += seconds
+            return np.zeros(1)
+
+        return run
+
+    monkeypatch.setattr("benchmarks.table.process_time", lambda: clock[0])
+    row = Row("x", Side("ours", takes(2.0), 1), [Side("slow", takes(20.0), 1), Side("quick", takes(0.1), 1)])
+    timing = measure(row, 9)
+    assert [len(times) for times in timing.times] == [3, 1, 9]
+    assert timing.ratio(1) == pytest.approx(10.0) and timing.ratio(2) == pytest.approx(0.05)
+
+
 @pytest.mark.parametrize("n", [7, 15])
 def test_jacobians_of_the_problems_are_right(n):
     """Central differences."""

@@ -1,5 +1,7 @@
 """The online follower: what is late, damaged, stamped wrongly or off by a jump."""
 
+from collections import Counter
+
 import numpy as np
 import pytest
 from filterpy.kalman import KalmanFilter
@@ -8,6 +10,8 @@ from outrider.errors import ConfigError, UsageError
 from outrider.eval import average_bounds, chi_square
 from outrider.filters.following import FollowerFilter, Following, Outcome, RelativeFilter, separation
 from outrider.models.motion.following import STEP, FollowerModel, lag_step
+from outrider.models.vehicles import ROW_P, ROW_V, Multirotor
+from outrider.sim.world import Ground
 
 MODEL = FollowerModel(lag=0.5, lag_z=0.5, acceleration=0.3, acceleration_z=0.1)
 WINDY = FollowerModel(lag=0.5, lag_z=0.5, acceleration=0.3, acceleration_z=0.1, wind=0.02)
@@ -306,3 +310,46 @@ def test_a_drifting_shared_error_leaves_the_line_honest():
     assert low < np.mean(ends) < high and np.mean(careful) < low
     line, own = np.sqrt(np.mean(np.square(absolute), axis=0))
     assert line < 0.4 * own
+
+
+def reversals(seed: int, settings: Following, rate_hz: float = 1.0):
+    """A `Multirotor` that is told to fly 4 m/s the other way every 1.5 s; (errors (n, 6), NEES (n,), outcomes)."""
+    drone, rng, dt = Multirotor(tau_s=0.5), np.random.default_rng(seed), 0.1
+    x, out, air = drone.start(np.array([0.0, 0.0, 50.0]), 0.0), np.empty((20, 16)), np.zeros((20, 3))
+    f, errors, nees, outcomes = FollowerFilter(MODEL, settings), [], [], Counter()
+    row = np.concatenate([x[:3], np.zeros(3)])
+    for k in range(300):
+        t = k * dt
+        if k % round(10 / rate_hz) == 0:
+            outcomes[f.add_fix(t, row[:3] + rng.normal(size=3) * 0.15, R).outcome] += 1
+        u = np.array([4.0, 3.0, 1.0, 0.0]) * (1.0 if (k // 15) % 2 else -1.0)
+        f.add_command(t, u[:3])
+        drone.run(x, np.tile(u, (20, 1)), air, Ground().table(), out)
+        row = np.concatenate([out[-1, ROW_P : ROW_P + 3], out[-1, ROW_V : ROW_V + 3]])
+        b = f.belief(t + dt)
+        errors.append(b.x - row)
+        nees.append(errors[-1] @ np.linalg.solve(b.P, errors[-1]) / 6)
+    return np.array(errors), np.array(nees), outcomes
+
+
+def test_commands_that_the_vehicle_cannot_answer_cost_no_fix():
+    """5 m/s^2 where the lag asks for 20: a model without limits is wrong by metres, and refuses what is right."""
+    limited = Following(hardest=5.0, hardest_up=4.0)
+    free, told = reversals(3, Following()), reversals(3, limited)
+    assert Outcome.GATED in free[2] and np.linalg.norm(free[0][:, :3], axis=1).max() > 1.0
+    assert set(told[2]) == {Outcome.STARTED, Outcome.USED}
+    assert np.linalg.norm(told[0][:, :3], axis=1).max() < 0.5
+    assert np.mean([reversals(s, limited)[1].mean() for s in range(5)]) < 1.2
+
+
+def test_limits_that_are_not_reached_change_nothing():
+    t, X, U, rng = drone(1, 6.0)
+    noise = 0.15 * rng.normal(size=(t.size, 3))
+    beliefs = []
+    for settings in (Following(), Following(hardest=50.0, hardest_up=50.0)):
+        f = FollowerFilter(MODEL, settings)
+        for k in range(0, t.size - 1, 10):
+            f.add_command(t[k], U[k])
+            f.add_fix(t[k], X[k, :3] + noise[k], R)
+        beliefs.append(f.belief(t[-1]).x)
+    assert np.array_equal(*beliefs)

@@ -145,6 +145,19 @@ def test_stamps_of_zero_or_less(log):
         assert screen(edited(s, 7, t=t))[7] == Verdict.BAD_STAMP
 
 
+def test_a_clock_that_begins_at_zero():
+    def of(t: np.ndarray, **more: np.ndarray) -> Stream:
+        return stream("x", Kind.POSITION, t.astype(np.int64), np.column_stack([t, t, t]) * 1e-9, **more)
+
+    t = np.arange(50.0) * 0.1 * SECOND
+    assert told(of(t)) == {Verdict.USED}
+    later = np.where(t > 0, t + 2 * SECOND, 0)
+    np.testing.assert_array_equal(refused(of(later), Verdict.BAD_STAMP), [0])
+    np.testing.assert_array_equal(refused(of(np.append([0.0], t)), Verdict.BAD_STAMP), [0, 1])
+    arrived = (t + 10**9 * SECOND).astype(np.int64)
+    np.testing.assert_array_equal(refused(of(t, t_arrival=arrived), Verdict.BAD_STAMP), [0])
+
+
 @pytest.mark.parametrize("jump_s", [30.0, AHEAD + 0.5, -700.0])
 def test_a_clock_that_jumps_is_named_where_it_would_hurt_others(log, jump_s):
     s = spoil.clock_jump(log, "wheels", 25.0, jump_s).streams["wheels"]

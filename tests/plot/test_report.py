@@ -10,8 +10,12 @@ import numpy as np
 import pytest
 
 from outrider.data import Finding, Outcome, Run, SensorState, Trajectory, Verdict
+from outrider.data.evidence import BARS, POINTS, REFUSED, Curve, Evidence
 from outrider.plot import write_report
 from outrider.plot.tables import number, ratio
+from outrider.plot.wrong import HEADLINES
+from outrider.workflows.evidence import SHOWN
+from outrider.workflows.findings import HARM
 
 SECTIONS = (
     "findings",
@@ -233,3 +237,42 @@ def test_same_run_gives_the_same_bytes(tmp_path: Path, lean: Run) -> None:
 def test_an_hour_at_100_hz_stays_small(tmp_path: Path) -> None:
     _, html = page(factory.full_run(360_000, lasts=3600.0), tmp_path)
     assert len(html.encode()) < 3_000_000
+
+
+def test_what_is_wrong_stands_first_with_its_evidence_and_fix(tmp_path: Path, lean: Run) -> None:
+    x = np.linspace(0.0, 9.0, 10)
+    two = (Curve(x=x, y=x + 1.0, name="$a"), Curve(x=x, y=x, drawn=REFUSED))
+    bars = (Curve(x=x[:2], y=x[:2], drawn=BARS),)
+    drawings = [
+        Evidence(x_label="t <s>", y_label="y", curves=two,
+                 text="How & far.", at=((9.0, "here"),), levels=((2.0, "gate"),), log_y=True),
+        Evidence(x_label="", y_label="n", curves=bars, text="Bars.", names=("p", "q")),
+        Evidence(x_label="a", y_label="b", curves=(Curve(x=x, y=x, drawn=POINTS),), text="Square.", square=True),
+    ]  # fmt: skip
+    found = [
+        Finding(severity="warning", code="clock-offset", text=f"seen {k}", fix="turn `it`", evidence=e)
+        for k, e in enumerate(drawings)
+    ]
+    found.append(Finding(severity="info", code="alignment", text="only a remark"))
+    parsed, html = check(replace(lean, findings=tuple(found)), tmp_path)
+    bare, _ = check(replace(lean, findings=(), outcome=Outcome.OK), tmp_path)
+    text = " ".join(parsed.text)
+    assert parsed.tags.count("svg") == bare.tags.count("svg") + 3
+    for words in (
+        "3 warnings, most damaging first.",
+        "One source's clock is off",
+        "How & far.",
+        "here",
+        "q",
+        "Square.",
+    ):
+        assert words in text, words
+    places = [text.index(w) for w in ("What is wrong with this data", "seen 0", "seen 2", "Remarks", "only a remark")]
+    assert places == sorted(places)
+    assert text.index("only a remark") < text.rindex("Key figures")
+    assert "<code>it</code>" in html
+    assert "Nothing wrong was found." in " ".join(bare.text)
+
+
+def test_every_finding_that_is_drawn_or_ranked_has_a_headline() -> None:
+    assert {*SHOWN, *HARM} <= set(HEADLINES)

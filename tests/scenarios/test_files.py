@@ -240,3 +240,12 @@ def test_sizes_and_speeds_are_positive_and_of_this_world(tmp_path: Path) -> None
             load_scenario(str(path))
     with pytest.raises(ConfigError, match=r"--set speed: should be greater than 0, is -1"):
         load_scenario("patrol", {"speed": -1})
+
+
+@pytest.mark.parametrize(
+    ("key", "meant"),
+    [("spede", "'speed'"), ("gnss_rate", "'gnss_hz'"), ("tem.target", "'team'"), ("xyz", "target, danger")],
+)
+def test_an_unknown_setting_of_ours_gets_the_setting_that_was_meant(key: str, meant: str) -> None:
+    with pytest.raises(ConfigError, match=rf"--set {key}: follow-leader has no setting of that name .*{meant}"):
+        load_scenario("follow-leader", {key: 3})

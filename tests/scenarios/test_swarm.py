@@ -7,8 +7,11 @@ import pytest
 
 from outrider.errors import ConfigError
 from outrider.guidance.avoidance import Avoidance
+from outrider.guidance.formation import Column, join, leave, merge, split
 from outrider.scenarios.swarm import Flown, Sky, Task, fly_swarm, spacing_errors
-from outrider.scenarios.swarm_tasks import circle, column, crossed, crossing, doorway, head_on, rounded
+from outrider.scenarios.swarm_runs import changes
+from outrider.scenarios.swarm_state import T_AHEAD, T_LINE, in_units_of
+from outrider.scenarios.swarm_tasks import circle, column, convoy, crossed, crossing, doorway, head_on, rounded
 
 CALM = Sky(noisy=False)
 
@@ -106,6 +109,44 @@ def test_strangers_cross_a_column_and_everybody_gets_there() -> None:
     assert f.ranks[1:12, 2:4].sum() > 0 and f.ranks[-5:, 2:4].sum() > 0  # both made way
     e = spacing_errors(f)
     assert np.isfinite(e[-1, 1:12]).all() and np.abs(e[-1, 1:12]).max() < 2.0  # and the column is one again
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize(("n", "seed"), [(9, 1), (13, 2)])
+def test_a_convoy_flies_the_order_that_the_functions_on_orders_say(n: int, seed: int) -> None:
+    """One joins, two leave, the rear half splits off and merges again; nobody is told the order."""
+    f = fly_swarm(convoy(n, 240.0, seed), seed, until_there=False, sky=Sky(radio=40.0))
+    assert f.violations == 0 and f.least.min() >= 1.5 and not f.aside.any()
+    half = n // 2
+    order = Column(tuple(map(str, range(1, n - 1))), "0")
+    order = leave(leave(join(order, str(n - 1)), "2"), str(half + 2))
+    front, rear = split(order, str(half + 1), str(half))  # who leads the second part follows nobody
+    front = leave(front, str(half))
+    lanes = f.track[:, :, T_LINE].astype(int)
+    apart = np.flatnonzero((lanes[:, half:] == 1).sum(axis=1) == len(rear.order) + 1)
+    assert apart.size
+    row = f.track[apart[len(apart) // 2], :, T_AHEAD].astype(int)
+    for part in (front, rear):
+        assert [row[int(d)] for d in part.order] == [int(part.ahead(d)) for d in part.order]
+    whole = merge(front, Column((str(half), *rear.order), "nobody"))
+    last = f.track[-1, :, T_AHEAD].astype(int)
+    assert [last[int(d)] for d in whole.order] == [int(whole.ahead(d)) for d in whole.order]
+    assert last[2] == last[half + 2] == -1 and f.there[2] and f.there[half + 2]
+    assert np.nanmax(np.abs(spacing_errors(f)[-20:, 1:])) < 1.5  # it has closed up
+    assert f.track[:, int(rear.order[-1]), 1].min() < -19.0 < -1.0 < f.track[:, 1, 1].min()  # only the rear: the lane
+    said = [c["text"] for c in changes(f)]
+    for word in ("leaves", "splits off", "merges, behind", "joins, behind"):
+        assert any(word in t for t in said)
+
+
+def test_arc_lengths_of_two_trails_are_compared_where_they_can_be() -> None:
+    fork = 100.0
+    assert in_units_of(0, 90.0, np.inf, fork, 0, 95.0, np.inf) == 95.0
+    assert in_units_of(0, 90.0, np.inf, fork, 1, 130.0, np.inf) == 130.0  # it comes to the fork yet
+    assert in_units_of(0, 120.0, np.inf, fork, 1, 130.0, np.inf) == -np.inf  # it has passed it
+    assert in_units_of(1, 130.0, np.inf, fork, 0, 140.0, np.inf) == -np.inf
+    assert in_units_of(1, 130.0, np.inf, fork, 0, 140.0, 6.0) == 146.0  # who has merged knows
+    assert in_units_of(0, 140.0, 6.0, fork, 1, 138.0, np.inf) == 132.0
 
 
 @pytest.mark.compiled

@@ -9,7 +9,8 @@ from outrider.filters.cooperative import Member, Method, Source, fuse_team
 from outrider.models import sensors as s
 from outrider.models.motion import LAYOUTS, DriftingRover, Motion
 from outrider.sim.radio import Air, Radio
-from outrider.team.crew import Crew, Ear
+from outrider.team.crew import Crew
+from outrider.team.ears import Ear
 
 LAYOUT = LAYOUTS[Motion.DRIFTING]
 START = 10**18
@@ -176,3 +177,26 @@ def test_a_blow_stays_when_late_news_are_worked_in():
                 crew.take(name, START + round(0.2 * k * 1e9), [])
         grown.append(np.sqrt(crew.now("a", START + round(3.4e9)).P[0, 0] - before))
     assert grown[1] > 0.02 and grown[1] <= grown[0] + 1e-9
+
+
+def test_a_recording_in_one_go_is_the_same_as_in_steps():
+    data, ears = records("ab"), {n: (Ear(stream="fix", sensor=s.Position(), sigmas=FIX),) for n in "ab"}
+    site = Datum(lat=0.8, lon=0.1, alt=0.0)
+    stepped, whole = (Crew(team(), ears, Method.JOINT, START, site) for _ in range(2))
+    log = {n: [stream("fix", Kind.POSITION, START + np.rint(t * 1e9).astype(np.int64), fixes)]
+           for n, (t, fixes, _) in data.items()}  # fmt: skip
+    log["a"] = [log["a"][0].select(np.arange(40)[::-1])]  # whatever the order in which it was written
+    whole.hear_again(log, 0.2, 4.0)
+    for name in "ab":
+        stepped.take(name, START, log[name])
+    for k in range(1, 21):
+        for name in "ab":
+            stepped.take(name, START + round(0.2 * k * 1e9), ())
+    for name in "ab":
+        assert np.array_equal(stepped.kept[name].t, whole.kept[name].t)
+        assert np.array_equal(stepped.kept[name].pose, whole.kept[name].pose)
+        assert np.array_equal(stepped.kept[name].P, whole.kept[name].P)
+    assert np.array_equal(stepped.crossed["a", "b"], whole.crossed["a", "b"])
+    assert stepped.agreements() == whole.agreements()
+    late = START + 4_100_000_000
+    assert np.array_equal(stepped.now("a", late).P, whole.now("a", late).P)

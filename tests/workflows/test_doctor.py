@@ -13,8 +13,10 @@ from outrider.sim.logs import drone_log, wheeled_log
 from outrider.typing import Floats
 from outrider.workflows.config import FuseConfig
 from outrider.workflows.doctor import examine, prescribed
+from outrider.workflows.doctor.examine import course_side
 from outrider.workflows.doctor.lags import lag_between
 from outrider.workflows.doctor.mounting import angle_between, right_angled
+from outrider.workflows.doctor.signals import Path as Way
 from outrider.workflows.doctor.signals import Signal, signal
 from outrider.workflows.doctor.visit import visit
 from recorded import FIXES, HUSKY, recording
@@ -150,6 +152,32 @@ def test_two_that_contradict_each_other_alike_are_named_and_neither_is_believed(
     found = examine(times(blind, imu, ROTATION, -1.0), FuseConfig())
     assert [(f.code, f.severity) for f in found.findings] == [("turn-sense", "error")]
     assert found.prescribed == {}
+
+
+@pytest.mark.parametrize("mirrored", [True, False])
+def test_without_a_gyro_the_course_alone_tells_mirrored_wheels(mirrored: bool) -> None:
+    log = clean(1)
+    imu, wheels = names(log)
+    log = replace(log, streams={n: s for n, s in log.streams.items() if n != imu})
+    found = examine(times(log, wheels, TURN, -1.0) if mirrored else log, FuseConfig())
+    assert [(f.code, f.source) for f in found.findings] == [("turn-sense", wheels)] * mirrored
+    assert not mirrored or found.prescribed["sources"][wheels]["rate_gain"] == -1.0
+
+
+def test_positions_too_noisy_for_a_course_one_by_one_tell_it_on_average() -> None:
+    t = np.arange(0.0, 240.0, 0.2)
+    turn = np.where(t % 30 < 10, 0.3, -0.1)
+    speed = np.where(t % 4 < 3, 1.5, 0.5)
+    yaw = np.cumsum(turn) * 0.2
+    p = np.column_stack([np.cumsum(speed * f(yaw)) * 0.2 for f in (np.cos, np.sin)] + [0.0 * t])
+    way = Way("gps", t, p + np.random.default_rng(1).normal(0.0, 0.05, p.shape))
+    assert [course_side(way, Signal("wheels", t, k * turn)) for k in (1.0, -1.0)] == [1.0, -1.0]
+
+
+def test_accelerations_of_nothing_but_zeros_are_named() -> None:
+    log = clean(1)
+    seen = visit(times(log, names(log)[0], FORCE, 0.0), FuseConfig(local=False))
+    assert "are all 0" in next(f.text for f in seen.findings if f.code == "no-gravity")
 
 
 def test_a_mount_that_is_told_with_a_wrong_yaw_is_an_error_and_stays() -> None:

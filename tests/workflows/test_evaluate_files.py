@@ -47,6 +47,38 @@ def test_a_known_shift_is_the_error(tmp_path: Path) -> None:
     assert document["schema"] == SCHEMA and document["estimates"][0]["estimate"] == "estimate"
 
 
+def test_rows_of_the_reference_that_hold_no_pose_are_counted(tmp_path: Path) -> None:
+    estimate, reference = tmp_path / "estimate.tum", tmp_path / "reference.tum"
+    write_tum(path_of(), estimate)
+    lines = estimate.read_text(encoding="ascii").splitlines()
+    for k in (5, 6, 7):
+        cells = lines[k].split()
+        lines[k] = " ".join([cells[0], "nan", *cells[2:]])
+    reference.write_text("\n".join([*lines[:-1], lines[-1][:30]]), encoding="ascii")
+    for rules in (Rules(), Rules(nearest_s=0.01)):
+        (done,) = evaluate_files([estimate], reference, rules).of
+        assert (done.errors.matched, done.errors.of) == (46, 50)
+        assert [n for why, n in done.errors.lost.items() if "not finite, or damaged" in why] == [4]
+
+
+def test_what_would_explain_an_error_is_told() -> None:
+    s = np.arange(0.0, 60.0, 0.2)
+    p = np.stack([20 * np.sin(0.2 * s), 8 * np.sin(0.4 * s), 0 * s], axis=1)
+    half = 0.5 * np.arctan2(3.2 * np.cos(0.4 * s), 4 * np.cos(0.2 * s))
+    q = np.stack([0 * s, 0 * s, np.sin(half), np.cos(half)], axis=1)
+    right = Trajectory(t=1_700_000_000_000_000_000 + np.round(s * 1e9).astype(np.int64), p=p, q=q)
+
+    def told(of: Trajectory) -> tuple[str, ...]:
+        return compare_trajectories(right, of).causes
+
+    noise = np.random.default_rng(4).normal(0.0, 1.0, p.shape)
+    assert told(right) == told(replace(right, p=p + noise)) == told(replace(right, p=p + 5.0)) == ()
+    assert "shifted by -0.70 s the horizontal RMSE" in told(replace(right, t=right.t + 700_000_000))[0]
+    assert "x and y of one of them exchanged" in told(replace(right, p=p[:, [1, 0, 2]]))[0]
+    (wxyz,) = told(replace(right, q=np.roll(q, 1, axis=1)))
+    assert "quaternions of the reference taken as w x y z" in wxyz
+
+
 def test_another_datum_is_the_same_place() -> None:
     """Two tangent planes a kilometre apart: points agree on Earth, and attitudes and velocities turn with the plane."""
     here = path_of(datum=SITE)

@@ -245,6 +245,13 @@ def test_a_log_without_motion_or_position_is_refused():
         plan(only(ROVER, "imu_attitude"), FuseConfig())
 
 
+def test_a_receiver_that_never_had_a_fix_is_the_reason():
+    s = only(ROVER, "gnss").streams["gnss"]
+    blind = replace(s, extra={**s.extra, "fix": np.zeros(len(s))})
+    with pytest.raises(DataError, match=f"gnss: {len(s)} of {len(s)} records refused: the receiver reports no fix"):
+        plan(EventLog(streams={"gnss": blind}), FuseConfig())
+
+
 # --------------------------------------------------------------------------------------------------------- stuck wheels
 
 

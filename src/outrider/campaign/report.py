@@ -1,5 +1,6 @@
 """The report of a campaign: a document of schema `outrider.campaign/1`, and a page with tables and plots."""
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -7,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from outrider import __version__
-from outrider.campaign.results import Line, Results, chosen, failures, lines
+from outrider.campaign.results import Line, Results, chosen, damage, failures, lines
 from outrider.eval.paired import Paired
 from outrider.io.files import replacing
 
@@ -31,6 +32,8 @@ def document(r: Results, values: Sequence[str] = ()) -> dict[str, Any]:
         "ended": ended,
         "asked": asked,
         "failed": len(r.errors),
+        "damaged_lines": list(r.damaged),
+        "warnings": [told] if (told := damage(r.damaged)) else [],
         "varied": [k for k in r.varied if k != "sample"],
         "groups": list(r.groups),
         "sampled": r.sampled,
@@ -40,6 +43,12 @@ def document(r: Results, values: Sequence[str] = ()) -> dict[str, Any]:
         "extremes": [_extreme(r, name) for name in chosen(r, values)],
         "version": __version__,
     }
+
+
+def page_of(folder: Path, values: Sequence[str] = ()) -> Path:
+    """Where the page of chosen values is kept: beside the campaign's own, which nobody chose any for."""
+    chosen_by = "-".join(re.sub(r"[^\w.]+", "_", v) for v in values)[:80]
+    return folder / (f"{Path(PAGE).stem}-{chosen_by}.html" if values else PAGE)
 
 
 def write_report(r: Results, told: Mapping[str, Any], path: Path, *, command: str = "") -> None:
@@ -63,13 +72,14 @@ def _line(r: Results, one: Line) -> dict[str, Any]:
     x = r.values[one.value][r.group == r.groups.index(one.group)]
     known = x[np.isfinite(x)]
     s = one.summary
+    floor = 0.0 if known.size and known.min() >= 0.0 else -np.inf  # what is never negative has no negative mean
     return {
         "value": one.value,
         "case": one.group,
         "n": s.n,
         "mean": s.mean,
         "sd": s.sd,
-        "low": s.low if np.isfinite(s.low) else None,
+        "low": max(s.low, floor) if np.isfinite(s.low) else None,
         "high": s.high if np.isfinite(s.high) else None,
         "least": float(known.min()) if known.size else None,
         "largest": float(known.max()) if known.size else None,
@@ -87,4 +97,4 @@ def _extreme(r: Results, name: str) -> dict[str, Any]:
     x = r.values[name]
     if not np.isfinite(x).any():
         return {"value": name, "least": None, "largest": None}
-    return {"value": name, "least": int(np.nanargmin(x)), "largest": int(np.nanargmax(x))}
+    return {"value": name, "least": int(r.numbers[np.nanargmin(x)]), "largest": int(r.numbers[np.nanargmax(x)])}

@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any, Final, cast, final
 
@@ -11,11 +12,14 @@ import numpy as np
 from outrider.campaign.studies import OWN
 from outrider.errors import UsageError
 from outrider.eval.paired import Paired, Summary, corrected, paired, summary
-from outrider.io.trials import read_trials
+from outrider.io.trials import ROWS, Record, Stored, read_trials
 from outrider.typing import Floats, Ints
 
 MOST: Final = 6  # values told where nobody chose any
-TELLING: Final = ("rmse", "error_m", "clearance.distance_m", "separations", "nees", "nis", "duration_s")
+TELLING: Final = (
+    "*rmse*", "*error_m*", "clearance.distance_m", "separations.*.distance_m", "*.least_m", "*nees*", "*nis*",
+    "*duration_s*",
+)  # fmt: skip
 
 
 @final
@@ -35,7 +39,13 @@ class Results:
     case: Ints
     seeds: Ints
     values: Mapping[str, Floats]
-    errors: Mapping[int, str] = field(default_factory=dict[int, str])
+    errors: Mapping[int, str] = field(default_factory=dict[int, str])  # by place in these
+    damaged: tuple[int, ...] = ()  # lines of rows.jsonl that hold no row
+
+    @property
+    def numbers(self) -> Ints:
+        """(trials,) the number of each, see `numbers_of`."""
+        return numbers_of(self.case, self.seeds)
 
     @property
     def sampled(self) -> bool:
@@ -77,25 +87,50 @@ class Line:
 
 
 def read_results(folder: Path) -> Results:
-    """What a folder of a campaign holds, whether or not all trials have ended."""
-    configuration, rows = read_trials(folder)
-    cases = tuple(cast("list[dict[str, object]]", configuration["cases"]))
-    ordered = [row for _, row in sorted({(r["case"], r["seed"]): r for r in rows}.items())]
-    if not ordered:
-        raise UsageError("no trial has ended", where=str(folder), fix="let the campaign run")
+    """What a folder of a campaign holds, whether or not all trials have ended; UsageError if none has."""
+    stored = read_trials(folder)
+    cases = tuple(cast("list[dict[str, object]]", stored.configuration["cases"]))
+    ordered = rows_of(stored, folder)
     names = list(dict.fromkeys(n for r in ordered for n, v in r["values"].items() if not isinstance(v, list)))
     keys = list(dict.fromkeys(k for c in cases for k in c))
     varied = tuple(k for k in keys if k not in OWN[2:] and len({repr(c.get(k)) for c in cases}) > 1)
     return Results(
         folder=folder,
-        trial=str(configuration["trial"]),
+        trial=str(stored.configuration["trial"]),
         cases=cases,
         varied=varied,
         case=np.array([r["case"] for r in ordered]),
         seeds=np.array([r["seed"] for r in ordered]),
         values={n: np.array([_number(r["values"].get(n)) for r in ordered]) for n in names},
         errors={k: str(r["error"]) for k, r in enumerate(ordered) if r["error"]},
+        damaged=stored.damaged,
     )
+
+
+def rows_of(stored: Stored, folder: Path) -> list[Record]:
+    """The last row of every trial, case by case and seed by seed; UsageError if there is none."""
+    ordered = [row for _, row in sorted({(r["case"], r["seed"]): r for r in stored.rows}.items())]
+    if not ordered:
+        told = damage(stored.damaged)
+        raise UsageError(f"no trial has ended{'; ' + told if told else ''}", where=str(folder),
+                         fix="run the campaign again with --resume")  # fmt: skip
+    return ordered
+
+
+def numbers_of(case: Ints, seeds: Ints) -> Ints:
+    """(trials,) the number of each, counted case by case, seed by seed, whether or not those between have ended."""
+    first = seeds.min()
+    return case * (seeds.max() - first + 1) + seeds - first
+
+
+def damage(lines: Sequence[int], fate: str = "left out: run again with --resume") -> str:
+    """What to tell of lines that hold no row, and what becomes of their trials; "" of none."""
+    if not lines:
+        return ""
+    which = f"{', '.join(map(str, lines[:5]))}{', ...' if len(lines) > 5 else ''}"
+    if len(lines) == 1:
+        return f"line {which} of {ROWS} is damaged, its trial is {fate}"
+    return f"lines {which} of {ROWS} are damaged ({len(lines)}), their trials are {fate}"
 
 
 def chosen(r: Results, wanted: Sequence[str]) -> list[str]:
@@ -112,7 +147,7 @@ def chosen(r: Results, wanted: Sequence[str]) -> list[str]:
             out += [n for n in found if n not in out]
         return out
     differ = [n for n, x in r.values.items() if np.unique(x[np.isfinite(x)]).size > 1]
-    telling = [n for n in differ if any(word in n for word in TELLING)] or differ
+    telling = [n for n in differ if any(fnmatchcase(n, shape) for shape in TELLING)] or differ
     return [*(["ok"] if "ok" in r.values else []), *[n for n in telling if n != "ok"][:MOST]]
 
 
@@ -121,7 +156,12 @@ def lines(r: Results, names: Sequence[str]) -> list[Line]:
     group = r.group
     made = [(n, g, r.values[n][group == g]) for n in names for g in range(len(r.groups))]
     first = {n: x for n, g, x in made if g == 0}
-    pairs = {k: paired(x, first[n]) for k, (n, g, x) in enumerate(made) if g > 0 and 1 < x.size == first[n].size}
+    both = {g: _both(r, group, g) for g in range(1, len(r.groups))}
+    pairs = {
+        k: paired(x[both[g][0]], first[n][both[g][1]])
+        for k, (n, g, x) in enumerate(made)
+        if g > 0 and both[g][0].size > 1
+    }
     tested = [k for k, pair in pairs.items() if np.isfinite(pair.p_t)]
     held = dict(zip(tested, corrected([pairs[k].p_t for k in tested]).tolist(), strict=True)) if tested else {}
     return [
@@ -130,11 +170,22 @@ def lines(r: Results, names: Sequence[str]) -> list[Line]:
     ]
 
 
+def _both(r: Results, group: Ints, g: int) -> tuple[Ints, Ints]:
+    """(m,), (m,) rows of group g, and those of the first group, that have the same seeds and samples."""
+    samples = np.array([int(str(c.get("sample", 0))) for c in r.cases])[r.case]
+    keys = list(zip(r.seeds.tolist(), samples.tolist(), strict=True))
+    ours, theirs = ([k for k, here in zip(keys, group == which, strict=True) if here] for which in (g, 0))
+    place = {key: row for row, key in enumerate(theirs)}
+    met = [(row, place[key]) for row, key in enumerate(ours) if key in place]
+    rows = np.array(met, np.int64).reshape(-1, 2)
+    return rows[:, 0], rows[:, 1]
+
+
 def failures(r: Results) -> list[tuple[str, int, int]]:
     """What failed: the reason, how many times, and the number of the first such trial."""
     first: dict[str, int] = {}
-    for number, error in r.errors.items():
-        first.setdefault(error, number)
+    for place, error in r.errors.items():
+        first.setdefault(error, int(r.numbers[place]))
     return [(error, n, first[error]) for error, n in Counter(r.errors.values()).most_common()]
 
 

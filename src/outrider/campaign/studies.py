@@ -1,7 +1,8 @@
-"""Campaigns of a scenario or of a log: what a trial is, how it is checked before anything runs, how one is replayed."""
+"""Campaigns of a scenario or of a log: what a trial is, how it is checked before anything runs."""
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
@@ -9,10 +10,10 @@ from typing import Any, Final, cast, final
 
 from outrider.campaign.trials import Progress, Trials, run_trials
 from outrider.campaign.vary import Axis, Sampling, cases_of, seed_of
-from outrider.errors import ExitCode, OutriderError, UsageError
+from outrider.errors import ConfigError, ExitCode, OutriderError, UsageError
+from outrider.io.checked import remedy
 from outrider.io.config import merged
 from outrider.io.files import sha256
-from outrider.io.trials import read_trials
 
 SCENARIO, LOG, DIGEST = "scenario", "log", "digest"
 OWN: Final = (SCENARIO, LOG, DIGEST, "sample")
@@ -86,7 +87,7 @@ def simulated(params: Params, seed: int) -> Mapping[str, float]:
     from outrider.scenarios.files import load_scenario
     from outrider.scenarios.runs import Done, summarise
 
-    scenario, where = load_scenario(str(params[SCENARIO]), {**_settings(params), "seed": seed_of(params, seed)})
+    scenario, where = load_scenario(str(params[SCENARIO]), {**settings_in(params), "seed": seed_of(params, seed)})
     cast_ = build(scenario, where)
     began = time.perf_counter()
     run = cast_.run()
@@ -101,70 +102,10 @@ def fused(params: Params, seed: int) -> Mapping[str, float]:
     from outrider.workflows.settings import parse_config
     from outrider.workflows.summary import exit_code
 
-    config = parse_config(_nested({**_settings(params), "seed": seed_of(params, seed)}))
+    config = parse_config(nested({**settings_in(params), "seed": seed_of(params, seed)}))
     source = Input(log=Path(str(params[LOG])))
     run = fuse(source.read(config.robot), config)
     return {"ok": float(exit_code(run) == ExitCode.OK), **numbers(document(run, source))}
-
-
-def replay(folder: Path, number: int, output: Path, *, force: bool = False, command: str = "") -> tuple[int, str]:
-    """Run trial `number` (case by case, seed by seed, from 0) again with its full report; whether it came out the same.
-
-    Returns the exit code of the run and a sentence on the comparison.
-    """
-    configuration, rows = read_trials(folder)
-    cases = cast("list[dict[str, object]]", configuration["cases"])
-    ordered = sorted({(r["case"], r["seed"]): r for r in rows}.items())
-    if not 0 <= number < len(ordered):
-        raise UsageError(f"there is no trial {number}", where=str(folder), fix=f"0 to {len(ordered) - 1} have ended")
-    (case, seed), row = ordered[number]
-    params = cases[case]
-    if LOG in params:
-        code, now = _refuse(params, seed, output, force=force, command=command)
-    elif SCENARIO in params:
-        code, now = _rerun(params, seed, output, force=force, command=command)
-    else:
-        raise UsageError("was no campaign of a scenario or a log", where=str(folder), fix="call its own function")
-    return code, _compared(row, now)
-
-
-def _rerun(params: Params, seed: int, output: Path, *, force: bool, command: str) -> tuple[int, Mapping[str, float]]:
-    from outrider.scenarios.files import load_scenario
-    from outrider.scenarios.runs import run_scenario
-
-    scenario, where = load_scenario(str(params[SCENARIO]), {**_settings(params), "seed": seed_of(params, seed)})
-    done, summary = run_scenario(scenario, output, where=where, force=force, command=command)
-    return int(done.exit_code), {"ok": float(done.exit_code is ExitCode.OK), **numbers(summary)}
-
-
-def _refuse(params: Params, seed: int, output: Path, *, force: bool, command: str) -> tuple[int, Mapping[str, float]]:
-    from outrider.workflows.fuse_file import Input, document, fuse_file
-    from outrider.workflows.settings import parse_config
-    from outrider.workflows.summary import exit_code
-
-    config = parse_config(_nested({**_settings(params), "seed": seed_of(params, seed)}))
-    source = Input(log=Path(str(params[LOG])))
-    run = fuse_file(source, output, config, force=force, command=command)
-    code = exit_code(run)
-    return int(code), {"ok": float(code == ExitCode.OK), **numbers(document(run, source))}
-
-
-def _compared(row: Mapping[str, Any], now: Mapping[str, float]) -> str:
-    if row["error"]:
-        return f"in the campaign it failed: {row['error']}"
-    stored = row["values"]
-    different = [
-        name for name in stored if name in now and stored[name] != now[name] and not _both_nan(stored, now, name)
-    ]
-    if not different:
-        return f"the same as in the campaign, all {len(stored)} numbers to the last bit"
-    name = different[0]
-    what = f"{len(different)} of {len(stored)} numbers differ from the campaign's: {name} was {stored[name]}"
-    return f"{what}, is {now[name]}; another version or another machine?"
-
-
-def _both_nan(a: Mapping[str, Any], b: Mapping[str, float], name: str) -> bool:
-    return a[name] is None or (a[name] != a[name] and b[name] != b[name])
 
 
 def numbers(summary: Mapping[str, Any], prefix: str = "") -> dict[str, float]:
@@ -200,11 +141,12 @@ def _called(item: Mapping[str, Any], k: int) -> str:
     return str(item.get("name", item.get("reason", k)))
 
 
-def _settings(params: Params) -> dict[str, object]:
+def settings_in(params: Params) -> dict[str, object]:
+    """The parameters that are settings, not the campaign's own."""
     return {key: value for key, value in params.items() if key not in OWN}
 
 
-def _nested(flat: Params) -> dict[str, Any]:
+def nested(flat: Params) -> dict[str, Any]:
     """Values by dotted key as the sections of a configuration."""
     out: dict[str, Any] = {}
     for key, value in flat.items():
@@ -238,14 +180,44 @@ def _digest(path: Path) -> str:
 def _check(study: Study, axes: Sequence[Axis]) -> None:
     """Raise for a key or a value that cannot be: the first case, and each value of each list once."""
     first = study.cases[0]
-    tried: list[Params] = [first, *({**first, a.key: v} for a in axes for v in a.values)]
-    tried += [{**first, a.key: end} for a in axes if not a.values for end in (a.low, a.high)]
-    for params in tried:
-        if study.logs:
-            from outrider.workflows.settings import parse_config
+    if not study.logs and DIGEST not in first:
+        _known(str(first[SCENARIO]), axes)
+    varied = {a.key for a in axes}
+    _load({k: v for k, v in first.items() if k not in varied})
+    for axis in axes:
+        for value in axis.values or (axis.low, axis.high):
+            with _told_of(axis.key, value):
+                _load({**first, axis.key: value})
+    _load(first)
 
-            parse_config(_nested({**_settings(params), "seed": 0}))
-        else:
-            from outrider.scenarios.files import load_scenario
 
-            load_scenario(str(params[SCENARIO]), {**_settings(params), "seed": 0})
+def _known(name: str, axes: Sequence[Axis]) -> None:
+    """Raise for a key that a scenario of that name has not: neither a setting of its own nor a part of a file."""
+    from outrider.scenarios.parts import Scenario
+    from outrider.scenarios.registry import find_scenario
+
+    known = list(dict.fromkeys([*find_scenario(name).knobs, *Scenario.model_fields]))
+    for axis in axes:
+        if (word := axis.key.split(".")[0]) not in known:
+            raise ConfigError("unknown key", where=f"--vary {axis.key}", fix=remedy(word, known))
+
+
+def _load(params: Params) -> None:
+    """Raise for settings that cannot be."""
+    if LOG in params:
+        from outrider.workflows.settings import parse_config
+
+        parse_config(nested({**settings_in(params), "seed": 0}))
+    else:
+        from outrider.scenarios.files import load_scenario
+
+        load_scenario(str(params[SCENARIO]), {**settings_in(params), "seed": 0})
+
+
+@contextmanager
+def _told_of(key: str, value: object) -> Generator[None, None, None]:
+    """Whatever the block finds wrong is told of what varies."""
+    try:
+        yield
+    except ConfigError as e:
+        raise ConfigError(e.what, where=f"--vary {key}={value}", fix=e.fix) from None

@@ -4,7 +4,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from math import ceil, exp, log, log2
+from math import ceil, exp, isfinite, log, log2
 from typing import Final, final
 
 import numpy as np
@@ -56,6 +56,8 @@ def axis_of(text: str) -> Axis:
     span = _SPAN.fullmatch(told.strip())
     if span is None:
         values = _listed(told, where)
+        if any(_is_no_number(v) for v in values):
+            raise UsageError("is no number that could be run", where=where, fix="finite numbers, words, or a range")
         if len(values) != len({repr(v) for v in values}):
             raise UsageError("names a value twice", where=where, fix="name each once")
         return Axis(key=key, values=values)
@@ -73,6 +75,18 @@ def axis_of(text: str) -> Axis:
         raise UsageError(f"{points} points are too many", where=where, fix=f"at most {MOST}")
     grid_points = axis.at(np.linspace(0.0, 1.0, int(points)))
     return Axis(key=key, values=tuple(float(f"{v:.12g}") for v in grid_points))  # 0.9, not 0.8999999999999999
+
+
+def _is_no_number(value: object) -> bool:
+    """Whether it is, or reads like, NaN or infinity."""
+    parts = value.split(":") if isinstance(value, str) else [value] if isinstance(value, float) else []
+    for part in parts:
+        try:
+            if not isfinite(float(part)):
+                return True
+        except ValueError:
+            continue
+    return False
 
 
 def _listed(told: str, where: str) -> tuple[object, ...]:

@@ -1,5 +1,6 @@
 """The commands and their options. Each parses, calls one workflow, prints what came of it and returns an exit code."""
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -108,8 +109,10 @@ def fuse(
     from outrider.workflows.settings import load_config
 
     overrides = merged(settings_of(settings_given or ()), overrides)
+    from outrider.io.robot_localization import read_upstream
 
-    settings = load_config(config, overrides)
+    upstream = read_upstream(config) if config is not None else None
+    settings = load_config(config if upstream is None else None, overrides)
     from outrider.cli.progress import Progress
     from outrider.io.registry import check_input
     from outrider.io.runs import ensure_free
@@ -127,16 +130,23 @@ def fuse(
     ensure_free(folder, force=force)
     with Progress(quiet=quiet) as progress:
         from outrider.workflows.fuse_file import Input, document, fuse_file
+        from outrider.workflows.upstream import Translator
 
         source = Input(log=log, topics=topic, start_s=start, end_s=end, mapping=mapping, robot=robot)
-        run = fuse_file(source, folder, settings, force=force, report=report, command=typed(), progress=progress)
+        made = settings if upstream is None else Translator(upstream, overrides)
+        run = fuse_file(source, folder, made, force=force, report=report, command=typed(), progress=progress)
     from outrider.cli import render
     from outrider.workflows.summary import exit_code
 
     summary = document(run, source)
+    flags = made.rows if isinstance(made, Translator) else ()
+    if flags:
+        summary["robot_localization"] = [asdict(row) for row in flags]
     if json:
         return print_json({**summary, "folder": str(folder)}, exit_code(run))
     render.run(summary, folder, quiet=quiet, verbose=verbose)
+    if flags and not quiet:
+        render.flags(flags)
     return exit_code(run)
 
 

@@ -1,6 +1,7 @@
 """`outrider calibrate`: lever arms, mounts, scales and delays of a recording's sensors, and how sure they are."""
 
 from contextlib import nullcontext
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,7 +13,7 @@ from outrider.cli.shared import print_json
 from outrider.errors import ExitCode
 
 if TYPE_CHECKING:
-    from outrider.workflows.calibration import Calibration
+    from outrider.workflows.calibration import Calibration, Tuned
 
 ABOUT = "Find lever arms, mounts, scales and delays from a recording, with intervals."
 
@@ -27,7 +28,8 @@ def calibrate_command(
         ),
     ] = None,
     tune: Annotated[
-        bool, typer.Option("--tune", help="Also find how much the stated noise of fixes has to be multiplied by.")
+        bool,
+        typer.Option("--tune", help="Also find how loud sources and motion are, and test it on half of the log."),
     ] = False,
     force: Force = False,
     json: AsJson = False,
@@ -78,11 +80,12 @@ def _show(done: "Calibration", output: Path | None, *, quiet: bool) -> None:
         table = render.table_of("source", "parameter", ">told", ">found", ">95 %", "unit", "")
         for r in done.rows:
             value, half = (f"{r.value:.4g}", f"+-{r.half:.2g}") if r.found else ("-", "-")
-            table.add_row(escape(r.source), r.what, f"{r.told:.4g}", value, half, r.unit, r.verdict)
+            told = f"{r.told:.4g}" if isfinite(r.told) else "-"
+            table.add_row(escape(r.source), r.what, told, value, half, r.unit, r.verdict)
         render.print_table(out, table)
-    for t in done.tuned:
-        held = f"NIS of the second half {t.before:.2f} -> {t.after:.2f}"
-        out.print(Text(f"noise of {t.source}: times {t.scale:.3g} (by the first half; {held})"))
+    if done.tuned is not None:
+        for line in _tuning(done.tuned):
+            out.print(Text(line))
     for f in done.findings:
         if f.severity != "info":
             out.print(Text.assemble((f"{f.severity}: ", render.STYLES.get(f.severity, "")), f.text))
@@ -93,3 +96,13 @@ def _show(done: "Calibration", output: Path | None, *, quiet: bool) -> None:
     elif done.config.model_fields_set and not quiet:
         out.print(Text("-o FILE writes what differs from what was told as a configuration:"))
         out.print(Text("\n".join(x for x in done.yaml.splitlines() if not x.startswith("#")), "dim"))
+
+
+def _tuning(t: "Tuned") -> list[str]:
+    """What tuning changed, and what the half of the log that it has not seen says of it."""
+    if not t.changes:
+        return ["noise: left as it is, no change made the second half of the log likelier"]
+    lines = [f"noise of {c.name}: times {c.factor:.3g}, now {c.value:.3g}" for c in t.changes]
+    gain = t.after.likelihood - t.before.likelihood
+    nis = ", ".join(f"{name} {x:.2f} -> {t.after.nis[name]:.2f}" for name, x in t.before.nis.items())
+    return [*lines, f"    second half of the log: log-likelihood +{gain:.1f}, NIS per degree of freedom {nis}"]

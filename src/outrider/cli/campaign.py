@@ -3,7 +3,7 @@
 import os
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -11,6 +11,7 @@ import typer
 
 from outrider.cli import parse
 from outrider.cli.options import AsJson, Debug, Force, Output, Quiet
+from outrider.cli.output import tell
 from outrider.cli.shared import hush_matplotlib, print_json, typed
 from outrider.errors import ExitCode, InterruptionError, UsageError
 
@@ -90,7 +91,12 @@ def campaign_command(
     trial again with its full report.
     """
     if what == REPORT and not Path(what).exists():
-        return _report(_named(folder, REPORT), values or [], json=json, quiet=quiet)
+        from outrider.campaign.report import page_of
+
+        if output is not None:
+            raise UsageError("writes its page into the folder of the campaign", where=REPORT, fix="leave out --output")
+        at = _named(folder, REPORT)
+        return _report(at, page_of(at, values or ()), values or (), json=json, quiet=quiet)
     if what == REPLAY and not Path(what).exists():
         if trial is None:
             raise UsageError("names no trial", where=REPLAY, fix="outrider campaign replay DIR NUMBER")
@@ -100,6 +106,7 @@ def campaign_command(
     if engine not in ("processes", "dask") or (engine == "dask") != bool(scheduler):
         fix = "--engine processes, or --engine dask --scheduler tcp://HOST:8786"
         raise UsageError("no such engine", where=f"--engine {engine}", fix=fix)
+    from outrider.campaign.report import page_of
     from outrider.campaign.vary import Sampling, axis_of
 
     known = [s.value for s in Sampling]
@@ -113,6 +120,8 @@ def campaign_command(
     given = settings_of(tuple(settings or ()))
     study = study_of(what, axes, 20 if runs is None else runs, Sampling(sampling), seed, given)
     into = output or Path(f"{Path(what).resolve().stem if '/' in what or '.' in what else what}-campaign")
+    if resume:
+        _tell_damage(into)
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     with Progress(quiet=quiet) as progress:
         try:
@@ -123,8 +132,17 @@ def campaign_command(
         except KeyboardInterrupt as e:
             fix = f"go on with --resume -o {into}"
             raise InterruptionError(f"interrupted, {e}; {fix}" if str(e) else f"interrupted; {fix}") from None
-    _report(into, values or [], json=json, quiet=quiet)
+    _report(into, page_of(into), values or (), json=json, quiet=quiet)
     return ExitCode.FAILED_CHECK if done.failed else ExitCode.OK
+
+
+def _tell_damage(folder: Path) -> None:
+    """Which lines of a folder that is gone on with hold no row."""
+    from outrider.campaign.results import damage
+    from outrider.io.trials import MARKER, read_trials
+
+    if (folder / MARKER).exists() and (told := damage(read_trials(folder).damaged, "run again")):
+        tell(f"outrider: {folder}: {told}\n")
 
 
 def _with_time_left(progress: Callable[[str, float], None]) -> Callable[[str, float], None]:
@@ -149,24 +167,24 @@ def _named(folder: Path | None, verb: str) -> Path:
     return folder
 
 
-def _report(folder: Path, values: list[str], *, json: bool, quiet: bool) -> int:
-    from outrider.campaign.report import PAGE, document, write_report
+def _report(folder: Path, page: Path, values: Sequence[str], *, json: bool, quiet: bool) -> int:
+    from outrider.campaign.report import document, write_report
     from outrider.campaign.results import read_results
 
     hush_matplotlib()
     results = read_results(folder)
     told = document(results, values)
-    write_report(results, told, folder / PAGE, command=typed())
+    write_report(results, told, page, command=typed())
     if json:
         return print_json(told, ExitCode.OK)
     from outrider.cli.campaigns import show
 
-    show(told, folder / PAGE, quiet=quiet)
+    show(told, page, quiet=quiet)
     return ExitCode.OK
 
 
 def _replay(folder: Path, trial: int, output: Path | None, *, force: bool, quiet: bool) -> int:
-    from outrider.campaign.studies import replay
+    from outrider.campaign.replay import replay
 
     into = output or folder.parent / f"{folder.name}-{trial}"
     code, sentence = replay(folder, trial, into, force=force, command=typed())

@@ -19,6 +19,8 @@ def show(document: Mapping[str, Any], page: Path, *, quiet: bool = False) -> Non
     failed = document["failed"]
     text = f"{document['ended']} of {document['asked']} trials" if document["asked"] else f"{document['ended']} trials"
     out.print(Text(f"{text}, {failed} failed", "bold red" if failed else "bold green"))
+    for told in document["warnings"]:
+        out.print(Text(told, "yellow"))
     if quiet:
         return
     for f in document["failures"]:
@@ -27,6 +29,7 @@ def show(document: Mapping[str, Any], page: Path, *, quiet: bool = False) -> Non
     compared = any(r["difference"] is not None for r in rows)
     headings = ["value", "case", ">n", ">mean", ">spread", ">95 % of the mean", ">least", ">largest"]
     table = table_of(*headings, *([">against the first", ">p"] if compared else []))
+    table.columns[0].overflow = "fold"  # names differ at their ends
     for r in rows[:SHOWN]:
         cells = [
             escape(r["value"]), escape(r["case"]), str(r["n"]), number(r["mean"]), number(r["sd"]), _interval(r),

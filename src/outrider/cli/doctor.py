@@ -1,6 +1,6 @@
 """`outrider doctor`: what is wrong with a recording, why, and a configuration that mends it."""
 
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -8,7 +8,7 @@ import typer
 
 from outrider.cli import parse
 from outrider.cli.options import AsJson, ConfigFile, Debug, End, Force, Mapping, OneRobot, Quiet, Start, Topics
-from outrider.cli.shared import hush_matplotlib, print_json
+from outrider.cli.shared import hush_matplotlib, print_json, typed
 from outrider.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
@@ -28,6 +28,12 @@ def doctor_command(
         Path | None,
         typer.Option(
             "--output", "-o", metavar="FILE", parser=parse.file("--output"), help="Write the configuration there."
+        ),
+    ] = None,
+    report: Annotated[
+        Path | None,
+        typer.Option(
+            "--report", metavar="FILE", parser=parse.file("--report"), help="Write a page with plots of the evidence."
         ),
     ] = None,
     force: Force = False,
@@ -56,8 +62,13 @@ def doctor_command(
 
     check_input(log, start_s=start, end_s=end, mapping=mapping)
     hush_matplotlib()
-    place = nullcontext(None) if output is None else replacing(output, force=force)  # refuses before the work is done
-    with place as part, Progress(quiet=quiet) as progress:
+    if output is not None and report is not None and output.absolute() == report.absolute():
+        raise UsageError("is both the configuration and the page", where=str(output), fix="give them different names")
+
+    def place(path: Path | None) -> AbstractContextManager[Path | None]:  # refuses before the work is done
+        return nullcontext(None) if path is None else replacing(path, force=force)
+
+    with place(output) as part, place(report) as page, Progress(quiet=quiet) as progress:
         from outrider.workflows.doctor.visit import visit
         from outrider.workflows.fuse_file import Input
 
@@ -65,13 +76,18 @@ def doctor_command(
         seen = visit(source.read(settings.robot, progress), settings, progress=progress)
         if part is not None:
             part.write_text(seen.yaml, encoding="utf-8")
+        if page is not None:
+            from outrider.plot import write_report
+
+            progress("report", 0.0)
+            write_report(seen.run, page, command=typed())
     if json:
         return print_json(seen.as_dict(), ExitCode.OK)
-    _show(seen, output, quiet=quiet)
+    _show(seen, output, report, quiet=quiet)
     return ExitCode.OK
 
 
-def _show(seen: "Visit", output: Path | None, *, quiet: bool) -> None:
+def _show(seen: "Visit", output: Path | None, report: Path | None, *, quiet: bool) -> None:
     from rich.markup import escape
     from rich.text import Text
 
@@ -97,6 +113,8 @@ def _show(seen: "Visit", output: Path | None, *, quiet: bool) -> None:
         out.print(Text.assemble((f"{f.severity}: ", style), f.text))
         if f.fix and f.severity != "info":
             out.print(Text(f"    {f.fix}", "dim"))
+    if report is not None:
+        out.print(Text(f"page with the evidence: {report}"))
     if output is not None:
         out.print(Text(f"configuration written to {output}: outrider fuse {seen.log.path} -c {output}"))
     elif seen.config.model_fields_set:

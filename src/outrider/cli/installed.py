@@ -2,6 +2,7 @@
 
 import os
 import platform
+import re
 import sys
 from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError, requires, version
@@ -10,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from outrider import __version__
+from outrider._sources import PACKAGE, stamp
 from outrider.cli.shared import print_json
 from outrider.errors import ExitCode
 
@@ -60,14 +62,32 @@ def _checks() -> Iterator[Check]:
         "compiled kernels", fault or f"can be kept in {folder}", ok=not fault,
         fix="every run compiles for a minute: OUTRIDER_CACHE names a folder that can be written" if fault else "",
     )  # fmt: skip
-    warm = _kernel.is_warm()
-    yield _check("", "some are there" if warm else "none yet: the first run compiles for a minute or two")
+    there, of, size = kept_kernels()
+    missing_some = (
+        "" if there == of else ", a run compiles what it misses" if there else ", a run compiles for a minute"
+    )
+    yield _check(
+        "compiled so far", f"{there} of {of} files{missing_some}; {size / 1e6:.0f} MB, older versions included"
+    )
     for extra, (module, about) in EXTRAS.items():
         there = find_spec(module) is not None
         found = f"{about}: {_version(module) or 'installed'}" if there else f"{about}: not installed"
         yield _check(
             f"extra {extra}", found, ok=there, optional=True, fix="" if there else f"pip install 'outrider[{extra}]'"
         )
+
+
+def kept_kernels() -> tuple[int, int, int]:
+    """Source files whose kernels an earlier run has left on the disk, those that have kernels, bytes on the disk."""
+    from outrider import _kernel  # imports the compiler
+
+    mine = re.compile(rb"^from outrider\._kernel import (?:kernel|inlined)", re.M)
+    ours = [p for p in PACKAGE.rglob("*.py") if mine.search(p.read_bytes())]
+    folder = _kernel._kept_in()
+    if folder is None:
+        return 0, len(ours), 0
+    there = {stamp(p, _kernel._TOLD) for p in ours} & {p.name for p in folder.glob("*/*") if p.is_dir()}
+    return len(there), len(ours), sum(p.stat().st_size for p in folder.rglob("*") if p.is_file())
 
 
 def _check(what: str, found: str, *, ok: bool = True, optional: bool = False, fix: str = "") -> Check:

@@ -14,6 +14,7 @@ from rich.text import Text
 if TYPE_CHECKING:
     from outrider.workflows.demo import Demo
     from outrider.workflows.sources import Listing
+    from outrider.workflows.upstream import Row
 
 NONE = "-"
 PIPE_WIDTH = 140  # columns where there is no terminal
@@ -44,6 +45,18 @@ def run(summary: Mapping[str, Any], folder: Path, *, quiet: bool = False, verbos
     _scores(out, summary)
     report = folder / "report.html"
     out.print(Text(f"report: {report}" if report.exists() else f"written to {folder}"))
+
+
+def flags(rows: "Iterable[Row]") -> None:
+    """What each flag of a configuration of robot_localization means, and what was done with it."""
+    out = console()
+    table = table_of("flag", "value", "there it means", "here")
+    rows = list(rows)
+    table.columns[0].min_width = max((len(r.flag) for r in rows), default=0)  # a name that is cut cannot be looked up
+    for r in rows:
+        table.add_row(escape(r.flag), escape(r.value), r.meaning, Text(r.done, "" if r.used else "dim"))
+    out.print(Text("flags of robot_localization:"))
+    print_table(out, table)
 
 
 def _figures(summary: Mapping[str, Any]) -> Iterable[str]:
@@ -202,12 +215,14 @@ def _paper_table(out: Console, table: Mapping[str, Any]) -> None:
             "on the same seeds", ">difference", ">95 % of the mean", ">less in", ">p (t)", ">p (W)", ">pairs"
         )
         for p in table["pairs"]:
-            numbers = (number(p["mean"]), _between(p), f"{p['wins']:.0%}", number(p["p_t"], 2))
+            wins = NONE if p["wins"] is None else f"{p['wins']:.0%}"
+            numbers = (number(p["mean"]), _between(p), wins, number(p["p_t"], 2))
             made.add_row(escape(_named(p)), *numbers, number(p["p_wilcoxon"], 2), f"{p['n']}")
         print_table(out, made)
     for row in (*table["rows"], *table["pairs"]):
         if row["note"]:
-            out.print(Text(f"  {row['name']}: {row['note']}", "dim"), soft_wrap=True)
+            where = f"{row['group']}: " if row.get("group") else ""
+            out.print(Text(f"  {where}{row['name']}: {row['note']}", "dim"), soft_wrap=True)
 
 
 def _values(rows: Sequence[Mapping[str, Any]]) -> Table:

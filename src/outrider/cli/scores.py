@@ -79,6 +79,8 @@ def comparison(done: "FileComparison") -> None:
     _errors(table, "velocity [m/s]", c.velocity)
     _errors(table, f"drift in {c.span} [m]", c.relative)
     print_table(out, table)
+    for cause in done.causes:
+        out.print(Text(f"remark: {cause}"))
     if c.drift.lengths_m:
         ways = ", ".join(f"{length:g}" for length in c.drift.lengths_m)
         told = f"{number(c.drift.m_per_km)} m and {number(DEGREES * c.drift.rad_per_km)} deg per km"

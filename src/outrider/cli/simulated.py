@@ -154,17 +154,26 @@ def _inspection(done: Mapping[str, Any]) -> None:
 def _pursuit(name: str, r: Mapping[str, Any]) -> None:
     """How near a follower came, and what it did why."""
     out = console()
-    told = f"{name} behind {r['leader']}: never nearer than {number(r['least_m'])} m, danger zone {r['danger_m']:g} m"
-    inside = f", inside the danger zone for {number(r['inside_s'])} s" if r["inside_s"] else ""
-    out.print(Text(told + inside, "yellow" if inside else ""))
+    hulls = r["least_between_hulls_m"]
+    told = f"{name} behind {r['leader']}: never nearer than {number(r['least_m'])} m between centres"
+    told += "" if hulls is None else f" ({number(hulls)} m hull to hull)"
+    told += f", danger zone {r['danger_m']:g} m between centres"
+    inside = f", inside it for {number(r['inside_s'])} s" if r["broke_danger"] else ""
+    out.print(Text(told + inside, "red" if inside else ""))
     if r["held_after_s"] is not None:
         held = f"at its set-point of {number(r['set_point_m'])} m after {number(r['held_after_s'])} s"
-        out.print(Text(f"{held}, then {number(r['mean_m'])} m in the mean, spread {number(r['sd_m'])} m"))
+        kept = f"while following {number(r['mean_m'])} m in the mean, spread {number(r['sd_m'])} m"
+        out.print(Text(f"{held}, {kept} ({number(r['followed_s'])} s)" if r["mean_m"] is not None else held))
+    for spell in r["lost"]:
+        far = f"{number(spell['mean_m'])} m from the target in the mean, {number(spell['largest_m'])} m at most"
+        out.print(Text(f"{spell['text']}: {number(spell['seconds'])} s, {far}"))
     for c in r["changes"]:
         out.print(Text(f"{c['stage']}, because {c['why']}: {c['times']} times", "dim"))
     for h in r["safety"]:
         if h["code"] != "free":
             out.print(Text(f"{h['text']}: {100.0 * h['share']:.1f} % of the commands", "dim"))
+        for b in h["because"]:
+            out.print(Text(f"  {b['times']} times because {b['text']}", "dim"))
 
 
 def _mission(mission: Mapping[str, Any]) -> None:

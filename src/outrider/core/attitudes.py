@@ -33,18 +33,25 @@ def wrap_all(a: ArrayLike) -> Floats:
 def _unit(q: ArrayLike) -> Floats:
     """q (..., 4) as float64, normalized; the zero quaternion becomes NaN."""
     array = np.asarray(q, dtype=np.float64)
-    norm = np.linalg.norm(array, axis=-1, keepdims=True)
+    norm = np.sqrt(np.add.reduce(array * array, axis=-1, keepdims=True))
     return array / np.where(norm > 0.0, norm, np.nan)
+
+
+def _parts(q: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    return q[..., 0], q[..., 1], q[..., 2], q[..., 3]
 
 
 def quats_multiply(a: ArrayLike, b: ArrayLike) -> Floats:
     """a (x) b for arrays (..., 4) that broadcast."""
-    ax, ay, az, aw = np.moveaxis(_unit(a), -1, 0)
-    bx, by, bz, bw = np.moveaxis(_unit(b), -1, 0)
+    ax, ay, az, aw = _parts(_unit(a))
+    bx, by, bz, bw = _parts(_unit(b))
     x = aw * bx + ax * bw + ay * bz - az * by
-    y = aw * by - ax * bz + ay * bw + az * bx
-    z = aw * bz + ax * by - ay * bx + az * bw
-    return np.stack((x, y, z, aw * bw - ax * bx - ay * by - az * bz), axis=-1)
+    out = np.empty((*x.shape, 4))
+    out[..., 0] = x
+    out[..., 1] = aw * by - ax * bz + ay * bw + az * bx
+    out[..., 2] = aw * bz + ax * by - ay * bx + az * bw
+    out[..., 3] = aw * bw - ax * bx - ay * by - az * bz
+    return out
 
 
 def quats_conjugate(q: ArrayLike) -> Floats:
@@ -55,7 +62,7 @@ def quats_conjugate(q: ArrayLike) -> Floats:
 def quats_exp(phi: ArrayLike) -> Floats:
     """Quaternions (..., 4) of rotation vectors (..., 3) [rad]."""
     vectors = np.asarray(phi, dtype=np.float64)
-    half = 0.5 * np.linalg.norm(vectors, axis=-1, keepdims=True)
+    half = 0.5 * np.sqrt(np.add.reduce(vectors * vectors, axis=-1, keepdims=True))
     return np.concatenate((0.5 * vectors * np.sinc(half / np.pi), np.cos(half)), axis=-1)
 
 
@@ -71,13 +78,21 @@ def quats_log(q: ArrayLike) -> Floats:
 
 def quats_to_matrices(q: ArrayLike) -> Floats:
     """Matrices (..., 3, 3) of quaternions (..., 4)."""
-    x, y, z, w = np.moveaxis(_unit(q), -1, 0)
-    rows = (
+    x, y, z, w = _parts(_unit(q))
+    return _table((
         (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
         (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
         (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
-    )
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    ))  # fmt: skip
+
+
+def _table(rows: tuple[tuple[Floats, ...], ...]) -> Floats:
+    """(..., n, n) of n rows of n arrays (...)."""
+    out = np.empty((*rows[0][0].shape, len(rows), len(rows)))
+    for i, row in enumerate(rows):
+        for j, entry in enumerate(row):
+            out[..., i, j] = entry
+    return out
 
 
 def matrices_to_quats(R: ArrayLike) -> Floats:
@@ -86,13 +101,12 @@ def matrices_to_quats(R: ArrayLike) -> Floats:
     d0, d1, d2 = M[..., 0, 0], M[..., 1, 1], M[..., 2, 2]
     xy, xz, yz = M[..., 0, 1] + M[..., 1, 0], M[..., 0, 2] + M[..., 2, 0], M[..., 1, 2] + M[..., 2, 1]
     xw, yw, zw = M[..., 2, 1] - M[..., 1, 2], M[..., 0, 2] - M[..., 2, 0], M[..., 1, 0] - M[..., 0, 1]
-    rows = (
+    outer = _table((
         (1.0 + d0 - d1 - d2, xy, xz, xw),
         (xy, 1.0 - d0 + d1 - d2, yz, yw),
         (xz, yz, 1.0 - d0 - d1 + d2, zw),
         (xw, yw, zw, 1.0 + d0 + d1 + d2),
-    )
-    outer = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    ))  # fmt: skip
     largest = np.argmax(np.diagonal(outer, axis1=-2, axis2=-1), axis=-1)
     q = _unit(np.take_along_axis(outer, largest[..., None, None], axis=-2)[..., 0, :])
     return np.where(q[..., 3:] < 0.0, -q, q)

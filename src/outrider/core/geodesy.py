@@ -43,6 +43,14 @@ def _sane(lat: ArrayLike, lon: ArrayLike, alt: ArrayLike) -> Geodetic:
     return rows[0], rows[1], rows[2]
 
 
+def _rows(parts: tuple[ArrayLike, ...]) -> Floats:
+    """(..., 3) of three arrays (...)."""
+    out = np.empty((*np.shape(parts[0]), len(parts)))
+    for k, part in enumerate(parts):
+        out[..., k] = part
+    return out
+
+
 def _check_origin(lat0: float, lon0: float, alt0: float) -> None:
     if not (isfinite(lat0) and isfinite(lon0) and isfinite(alt0) and abs(lat0) <= 0.5 * pi):
         raise DataError(
@@ -54,7 +62,7 @@ def _check_origin(lat0: float, lon0: float, alt0: float) -> None:
 
 def geodetic_to_ecef(lat: ArrayLike, lon: ArrayLike, alt: ArrayLike) -> Floats:
     """ECEF positions (..., 3) [m]."""
-    return np.stack(_pymap3d.geodetic2ecef(*_sane(lat, lon, alt), deg=False), axis=-1)
+    return _rows(_pymap3d.geodetic2ecef(*_sane(lat, lon, alt), deg=False))
 
 
 def ecef_to_geodetic(p: ArrayLike) -> Geodetic:
@@ -63,7 +71,7 @@ def ecef_to_geodetic(p: ArrayLike) -> Geodetic:
     pymap3d's closed form is off by 6 mm at 1000 km height; one Newton step along north and up mends it.
     """
     xyz = np.asarray(p, dtype=np.float64)
-    x, y, z = np.moveaxis(xyz.reshape(-1, 3), -1, 0)
+    x, y, z = xyz.reshape(-1, 3).T
     lat, lon, alt = (np.reshape(a, x.shape) for a in _pymap3d.ecef2geodetic(x, y, z, deg=False))
     s, c = np.sin(lat), np.cos(lat)
     W2 = 1.0 - _E2 * s * s
@@ -85,14 +93,14 @@ def ecef_to_enu(p: ArrayLike, lat0: float, lon0: float, alt0: float) -> Floats:
     """Positions (..., 3) [m] from ECEF to the tangent plane at the origin."""
     _check_origin(lat0, lon0, alt0)
     xyz = np.asarray(p, dtype=np.float64)
-    return np.stack(_pymap3d.ecef2enu(*np.moveaxis(xyz, -1, 0), lat0, lon0, alt0, deg=False), axis=-1)
+    return _rows(_pymap3d.ecef2enu(xyz[..., 0], xyz[..., 1], xyz[..., 2], lat0, lon0, alt0, deg=False))
 
 
 def enu_to_ecef(p: ArrayLike, lat0: float, lon0: float, alt0: float) -> Floats:
     """Positions (..., 3) [m] from the tangent plane at the origin to ECEF."""
     _check_origin(lat0, lon0, alt0)
     enu = np.asarray(p, dtype=np.float64)
-    return np.stack(_pymap3d.enu2ecef(*np.moveaxis(enu, -1, 0), lat0, lon0, alt0, deg=False), axis=-1)
+    return _rows(_pymap3d.enu2ecef(enu[..., 0], enu[..., 1], enu[..., 2], lat0, lon0, alt0, deg=False))
 
 
 def geodetic_to_enu(lat: ArrayLike, lon: ArrayLike, alt: ArrayLike, lat0: float, lon0: float, alt0: float) -> Floats:

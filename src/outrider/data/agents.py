@@ -60,7 +60,20 @@ class Planned(Protocol):
         ...
 
 
+@runtime_checkable
+class Lander(Protocol):
+    """An agent that may come down to the ground on purpose. Of anybody else who flies, touching it is a collision."""
+
+    @property
+    def landing(self) -> bool:
+        """Whether it comes down now, or stands there because it did."""
+        ...
+
+
 def arrived(stream: Stream, after: int, until: int) -> Stream:
     """The records of a stream that arrived in (after, until] [ns], in the order of their arrival."""
-    rows: Ints = ((stream.t_arrival > after) & (stream.t_arrival <= until)).nonzero()[0]
-    return stream.select(rows[stream.t_arrival[rows].argsort(kind="stable")])
+    t = stream.t_arrival
+    if t.size and after < t[0] and t[-1] <= until and bool((t[1:] >= t[:-1]).all()):  # all of it, as most often
+        return stream
+    rows: Ints = ((t > after) & (t <= until)).nonzero()[0]
+    return stream.select(rows[t[rows].argsort(kind="stable")])

@@ -8,6 +8,7 @@ from typing import Final, final
 import numpy as np
 
 from outrider.data.belief import StateLayout
+from outrider.data.evidence import Evidence
 from outrider.data.trajectory import Datum, Trajectory
 from outrider.typing import Floats, Ints
 
@@ -95,6 +96,7 @@ class Outcome(Enum):
 
     OK = "finished; the estimate is valid"
     DEGRADED = "finished, with warnings: read the findings"
+    FLAWED = "finished, but something is wrong with the data or its configuration: read the errors"
     PARTLY_VALID = "finished; the estimate is valid for a part of the time only, the report shows when"
     NOT_CREDIBLE = "finished, but the result is not credible: read the findings for the source or clock at fault"
     NEVER_ALIGNED = (
@@ -133,6 +135,7 @@ class Finding:
     text: str
     source: str = ""
     fix: str = ""
+    evidence: Evidence | None = field(default=None, compare=False, repr=False)  # what shows it, to be drawn small
 
 
 @final

@@ -36,7 +36,8 @@ class Trajectory:
 
     t : (n,) int64 ns, strictly increasing;  p : (n, 3) m, site frame (ENU);  q : (n, 4) x y z w, R_site_body, rows of
     NaN where the heading is unknown;  v : (n, 3) m/s, site frame, or (0, 3);  P : (n, 6, 6) covariance of
-    (x y z, rotation vector in the body frame), or (0, 6, 6);  valid : (n,) whether the source stands by its position.
+    (x y z, rotation vector in the body frame), or (0, 6, 6);  valid : (n,) whether the source stands by its position;
+    dropped : rows of its file that no pose could be read from.
     """
 
     t: Ints
@@ -47,6 +48,7 @@ class Trajectory:
     valid: Bools = field(default_factory=lambda: np.zeros(0, np.bool_))
     datum: Datum | None = None
     name: str = ""
+    dropped: int = 0
 
     def __post_init__(self) -> None:
         n = self.t.size

@@ -2,6 +2,7 @@
 
 from outrider.eval.align import Alignment, Similarity, align
 from outrider.eval.associate import Association, associate, associate_nearest
+from outrider.eval.causes import causes
 from outrider.eval.compare import Comparison, Drift, compare, compare_pairs, pairs_of
 from outrider.eval.consistency import (
     Test,
@@ -28,7 +29,7 @@ from outrider.eval.spans import Span, Unit
 __all__ = [
     "Alignment", "Association", "Comparison", "Drift", "OutageScore", "Paired", "Similarity", "Span", "Statistics",
     "Summary", "Test", "Unit", "align", "associate", "associate_nearest", "average_bounds", "average_test",
-    "bootstrap", "chi_square", "compare", "compare_pairs", "corrected", "effective_samples", "ellipse_coverage",
-    "family_level", "heading_errors", "outage_windows", "paired", "pairs_of", "pose_errors", "position_errors",
-    "relative_errors", "score_outages", "statistics", "summary", "velocity_errors", "wilcoxon",
+    "bootstrap", "causes", "chi_square", "compare", "compare_pairs", "corrected", "effective_samples",
+    "ellipse_coverage", "family_level", "heading_errors", "outage_windows", "paired", "pairs_of", "pose_errors",
+    "position_errors", "relative_errors", "score_outages", "statistics", "summary", "velocity_errors", "wilcoxon",
 ]  # fmt: skip

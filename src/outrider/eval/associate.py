@@ -12,6 +12,7 @@ from outrider.errors import DataError
 from outrider.typing import Bools, Floats, Ints
 
 MAX_GAP_S = 0.5
+UNREADABLE = "without a pose in the reference's file: not finite, or damaged"
 
 
 @final
@@ -30,13 +31,16 @@ class Association:
 def associate(estimate: Trajectory, reference: Trajectory, *, max_gap_s: float = MAX_GAP_S) -> Association:
     """Interpolate the estimate at the reference's stamps: linear in p, v and P, SLERP in q.
 
-    A reference row is lost if it is not finite or declared invalid, lies before or after the estimate, falls into a gap
-    of the estimate longer than `max_gap_s` [s], or if the estimate declares itself invalid there.
+    A reference row is lost if its file held no pose there, if it is not finite or declared invalid, lies before or
+    after the estimate, falls into a gap of the estimate longer than `max_gap_s` [s], or if the estimate declares itself
+    invalid there.
     """
     lost: dict[str, int] = {}
     if len(estimate) == 0 or len(reference) == 0:
         raise DataError("a trajectory without poses cannot be compared", where=estimate.name or reference.name)
     keep = np.ones(len(reference), np.bool_)
+    if reference.dropped:
+        lost[UNREADABLE] = reference.dropped
 
     def lose(reason: str, hit: Bools) -> None:
         lost[reason] = int(np.sum(hit & keep))
@@ -71,7 +75,11 @@ def associate_nearest(estimate: Trajectory, reference: Trajectory, *, max_diff_s
     near = np.abs(many.t[at] - few.t) <= max_diff_s * 1e9
     good = near & _usable(few) & _usable(many)[at]
     rows = {True: np.flatnonzero(good), False: at[good]}  # of the shorter one, of the longer one
-    lost = {f"farther than {max_diff_s:g} s": int((~near).sum()), "not finite or invalid": int((near & ~good).sum())}
+    unread = {UNREADABLE: reference.dropped} if reference.dropped and not shorter else {}
+    lost = unread | {
+        f"farther than {max_diff_s:g} s": int((~near).sum()),
+        "not finite or invalid": int((near & ~good).sum()),
+    }
     return Association(
         estimate=_rows(estimate, rows[shorter]), reference=_rows(reference, rows[not shorter]), lost=lost
     )

@@ -16,6 +16,7 @@ from outrider.data import Gaussian, Verdict
 from outrider.filters import step as one
 from outrider.filters.channels import Channel
 from outrider.filters.engine import Events, Filter, Queue, Track, run_batch
+from outrider.filters.ranged import position_by_ranges
 from outrider.filters.step import OUT_DOF, OUT_NIS, OUT_S, ROWS
 from outrider.models.motion import Motion
 from outrider.models.sensors import Sensor
@@ -57,7 +58,7 @@ def align(f: Filter, q: Queue, spread: Mapping[str, float]) -> Alignment | None:
 
     spread : initial standard deviations of blocks that the first records do not tell, by block name
     """
-    start = first_position(f, q)
+    start = first_position(f, q) or position_by_ranges(f, q)
     local = start is None
     if start is None:
         start = first_record(q)

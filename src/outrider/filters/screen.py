@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from outrider._kernel import inlined, kernel
 from outrider.data import Fix, Kind, Stream, Verdict
-from outrider.filters.stamps import CLOCK_JUMP, EARLIEST, LATEST, lag, usable
+from outrider.filters.stamps import CLOCK_JUMP, LATEST, earliest, lag, usable
 from outrider.typing import Bools, Floats, Ints
 
 # Largest magnitude per column that a working sensor of this kind can report.
@@ -104,7 +104,8 @@ def screen(s: Stream, memory: Memory | None = None, motion: Ints | None = None, 
     before = m.z if m.z.size == s.z.shape[1] else NONE
     felt = NO_STAMPS if motion is None else motion
     t, arrival = np.ascontiguousarray(s.t), np.ascontiguousarray(s.t_arrival)
-    examine(RULES[s.kind], t, arrival, _told(s, stray), m.offset, before, m.run, felt, motion is not None, verdict)
+    moves = motion is not None
+    examine(RULES[s.kind], t, arrival, _told(s, stray), earliest(s), m.offset, before, m.run, felt, moves, verdict)
     m.z = s.z[-1].copy()
     return verdict
 
@@ -159,16 +160,17 @@ def _told(s: Stream, stray: Bools | None) -> Told:
 
 @kernel
 def examine(
-    rules: Rules, t: Ints, arrival: Ints, told: Told, offset: float, before: Floats, run: Ints, motion: Ints,
-    moves: bool, verdict: Ints,
+    rules: Rules, t: Ints, arrival: Ints, told: Told, begin: int, offset: float, before: Floats, run: Ints,
+    motion: Ints, moves: bool, verdict: Ints,
 ) -> None:  # fmt: skip
-    """verdict (n,) <- the first reason against each record; run as in `Memory`, before (m,) the last one's values."""
+    """verdict (n,) <- the first reason against each record; begin : the least stamp [ns], run as in `Memory`,
+    before (m,) the last one's values."""
     n, width = told.z.shape
     z, last, since, count = told.z, run[0], run[1], run[2]
     for i in range(n):
         late = float(min(max(arrival[i], -LATEST), LATEST) - min(max(t[i], -LATEST), LATEST)) - offset
         wrong = late > CLOCK_JUMP * 1e9 or -late > AHEAD * 1e9
-        verdict[i] = _BAD_STAMP if t[i] < EARLIEST or t[i] >= LATEST or wrong else refusal(rules, told, i, late)
+        verdict[i] = _BAD_STAMP if t[i] < begin or t[i] >= LATEST or wrong else refusal(rules, told, i, late)
         # repeats: duplicates (same stamp) and frozen values (stamps go on)
         same = i > 0 or before.size == width
         for j in range(width):

@@ -14,7 +14,8 @@ import numpy as np
 from outrider.data import Stream
 from outrider.typing import Bools, Floats, Ints
 
-EARLIEST: Final = 1  # ns: a stamp of zero is no stamp
+EARLIEST: Final = 1  # ns: a stamp of zero is no stamp, but where a clock begins
+BEGINNING: Final = 3.0  # usual periods within which the next stamp then follows
 LATEST: Final = 2**62  # ns, the year 2116
 CLOCK_JUMP: Final = 600.0  # s between a stamp and its arrival, beyond the stream's usual offset
 SESSION_GAP: Final = 60.0  # s without any record that part two sessions
@@ -44,7 +45,20 @@ class Session(NamedTuple):
 
 def usable(s: Stream) -> Bools:
     """(n,) whether a stamp is one at all."""
-    return (s.t >= EARLIEST) & (s.t < LATEST)
+    return (s.t >= earliest(s)) & (s.t < LATEST)
+
+
+def earliest(s: Stream) -> int:
+    """The least stamp that is one [ns]: 0 for a clock that begins with this stream, as that of a table does.
+
+    It has one stamp of zero, the next follows as any other does, and the recorder's clock says no other time.
+    """
+    if np.count_nonzero(s.t == 0) != 1:
+        return EARLIEST
+    after, arrived = np.unique(s.t[s.t >= 0]), int(s.t_arrival[s.t == 0][0])
+    if len(after) < FEW or not 0 <= arrived <= PAUSE * 1e9:
+        return EARLIEST
+    return 0 if after[1] <= BEGINNING * float(np.median(np.diff(after))) else EARLIEST
 
 
 def lag(s: Stream) -> Floats:
@@ -124,4 +138,4 @@ def sessions(found: Mapping[str, list[Stretch]]) -> list[tuple[int, int]]:
     return [(s.first - margin, s.last + margin) for s in parts if 2 * len(s.names & main.names) > len(main.names)]
 
 
-__all__ = ["SESSION_GAP", "astray", "sessions", "stretches", "usual_lags"]
+__all__ = ["SESSION_GAP", "astray", "earliest", "sessions", "stretches", "usual_lags"]

@@ -138,11 +138,11 @@ def _nanoseconds(values: Any, unit: str, name: str) -> tuple[Ints, Bools]:
     if unit == "iso":
         raise ConfigError(f"the stamps {name} are numbers, not texts", fix="write unit: s, ms, us or ns")
     scale = UNITS_NS[unit]
-    floats = values.astype(np.float64) * scale
-    good = np.isfinite(floats) & (np.abs(floats) < LIMIT)
+    floats = values.astype(np.float64)
+    good = np.isfinite(floats) & (np.abs(floats) < LIMIT / scale)
     if values.dtype.kind in "iu":
         return np.where(good, values.astype(np.int64), 0) * scale, good
-    return np.round(np.where(good, floats, 0.0)).astype(np.int64), good
+    return np.round(np.where(good, floats, 0.0) * scale).astype(np.int64), good
 
 
 def _is_numpy(path: Path) -> bool:

@@ -19,7 +19,7 @@ from outrider.io.map_server import THRESHOLDS, AnchorSection, Dialect, Map, Mode
 from outrider.mapping.georeference import Georeference, fit
 from outrider.typing import Floats
 
-Metres = Annotated[Number, Field(allow_inf_nan=False)]
+Metres = Annotated[Number, Field(allow_inf_nan=False, ge=-1e9, le=1e9)]
 
 
 class ControlPoint(BaseModel):

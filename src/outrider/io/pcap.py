@@ -76,7 +76,7 @@ def _pcapng(data: bytes) -> Iterator[Packet]:
         i += size
         if kind == INTERFACE and len(body) >= 8:
             interfaces.append(_interface(body, order))
-        elif (packet := _packet(kind, body, order, interfaces, i)) is not None:
+        elif (packet := _packet(kind, body, order, interfaces, i)) is not None and packet.t < 2**62:
             yield packet
 
 

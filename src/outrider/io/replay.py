@@ -17,6 +17,7 @@ The longitude stands before the latitude: read the other way round, motion east 
 when EKF2 gets them; EKF2 then dates GNSS back by its default delay, and so does this reader (the arrival stays).
 """
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -33,6 +34,7 @@ E7 = 1e-7 * np.pi / 180
 GPS_DELAY = 110_000_000  # ns, EKF2's default EKF2_GPS_DELAY, with which the reference outputs were made
 WIDTHS = {"imu": 6, "gps": 6, "baro": 1, "mag": 3, "airspeed": 2, "range": 2, "flow": 2, "landed": 1}
 STATES = 24
+WILD = 1e12  # of any column: beyond it nothing is meant
 REPORT_EVERY = 1 << 14  # lines
 
 
@@ -125,9 +127,12 @@ def read_change_indication(path: Path) -> Trajectory:
     (all variances zero). There is no datum: the file does not say where the origin is.
     """
     try:
-        table = np.loadtxt(ensure_readable(path), delimiter=",", skiprows=1, ndmin=2)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of an empty one
+            table = np.loadtxt(ensure_readable(path), delimiter=",", skiprows=1, ndmin=2)
     except ValueError:
         table = np.zeros((0, 0))
+    table = table[(np.abs(table) < WILD).all(axis=1)]
     if table.shape[0] == 0 or table.shape[1] != 1 + 2 * STATES:
         raise DataError(f"not EKF2 states: needs a stamp, {STATES} states, {STATES} variances a row", where=str(path))
     t = np.round(table[:, 0] * 1000).astype(np.int64)

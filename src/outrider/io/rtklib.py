@@ -179,7 +179,7 @@ def _streams(header: Header, t: Ints, numbers: Floats, broken: int, robot: str) 
 def _positions(
     header: Header, t: Ints, p: Floats, s: Floats, extra: Mapping[str, Floats], broken: int, robot: str
 ) -> Stream:
-    kind, altitude, var = Kind.GNSS, Altitude.ELLIPSOID, s**2
+    kind, altitude, var = Kind.GNSS, Altitude.ELLIPSOID, _squares(s)
     if header.position.startswith("e-base"):
         kind, altitude = Kind.POSITION, Altitude.UNKNOWN
     elif header.position.startswith("x-ecef"):  # its deviations are along the Earth's axes: the mean of all three
@@ -191,12 +191,17 @@ def _positions(
     return stream("solution", kind, t, p, var=var, altitude=altitude, extra=extra, malformed=broken, robot=robot)
 
 
+def _squares(s: Floats) -> Floats:
+    """Variances of deviations, however absurd."""
+    return np.minimum(np.abs(s), 1e100) ** 2
+
+
 def _velocities(header: Header, t: Ints, v: Floats, extra: Mapping[str, Floats], robot: str) -> list[Stream]:
     """North, east, up and their deviations, where the solution has them."""
     known = np.flatnonzero(np.isfinite(v[:, :3]).all(axis=1))
     if not header.position.startswith("lat") or not known.size:
         return []
-    z, var = v[:, [1, 0, 2]], v[:, [4, 3, 5]] ** 2
+    z, var = v[:, [1, 0, 2]], _squares(v[:, [4, 3, 5]])
     rest = {"fix": extra["fix"], "satellites": extra["satellites"]}
     s = stream("solution#velocity", Kind.GNSS_VELOCITY, t, z, var=var, extra=rest, robot=robot)
     return [s.select(known)]

@@ -26,9 +26,9 @@ SECTIONS: Final = {
     "speed_zones": ShapeKind.SPEED,
     "one_way": ShapeKind.ONE_WAY,
 }
-Metres = Annotated[Number, Field(allow_inf_nan=False)]
+Metres = Annotated[Number, Field(allow_inf_nan=False, ge=-1e9, le=1e9)]
 Point = Annotated[list[Metres], Field(min_length=2, max_length=2)]
-Above = Annotated[Number, Field(gt=0, allow_inf_nan=False)]
+Above = Annotated[Number, Field(gt=0, le=1e9, allow_inf_nan=False)]
 
 
 class _Section(BaseModel):

@@ -17,8 +17,8 @@ from outrider.core.attitudes import rpy_to_quats
 from outrider.data import Trajectory
 from outrider.data.team_run import REASONS, RobotEstimate, TeamRun
 from outrider.io import folders
+from outrider.io.columns import write_columns
 from outrider.io.config import yaml_text
-from outrider.io.files import replacing
 from outrider.io.tum import write_tum
 
 SCHEMA: Final = "outrider.team/1"
@@ -41,8 +41,8 @@ def write_team(run: TeamRun, folder: Path, summary: Mapping[str, object]) -> Non
     """Every file of a team's run but the pictures. Comes last: `summary` is stored with the list of files."""
     for r in run.robots:
         write_tum(pose_of(r), folder / f"{r.name.replace('/', '_')}.tum")
-    _write_table(_estimates(run), folder / ESTIMATES)
-    _write_table(_sightings(run), folder / SIGHTINGS)
+    write_columns(_estimates(run), folder / ESTIMATES)
+    write_columns(_sightings(run), folder / SIGHTINGS)
     text = yaml_text(folders.plain(run.config))
     head = f"# What this run was made with. To use it again: outrider fuse LOG -c {CONFIG}\n"
     (folder / CONFIG).write_text(head + text, encoding="utf-8")
@@ -73,11 +73,3 @@ def _sightings(run: TeamRun) -> dict[str, Any]:
         "t_ns": s.t, "robot": [run.names[i] for i in s.robot.tolist()], "subject": s.subject, "range": s.z[:, 0],
         "bearing": s.z[:, 1], "what": [REASONS[k].name.lower() for k in s.what.tolist()], "nis": s.nis,
     }  # fmt: skip
-
-
-def _write_table(columns: Mapping[str, Any], path: Path) -> None:
-    import pyarrow as pa
-    from pyarrow import parquet
-
-    with replacing(path) as part, part.open("wb") as f:
-        parquet.write_table(pa.table(dict(columns)), f, compression="zstd")

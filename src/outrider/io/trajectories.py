@@ -13,7 +13,7 @@ from outrider.errors import DataError, UsageError
 from outrider.io.euroc import GROUND_TRUTH, read_euroc_truth
 from outrider.io.files import closest, ensure_readable, is_directory, replacing
 from outrider.io.kitti import are_kitti_poses, read_kitti_poses
-from outrider.io.tum import read_tum
+from outrider.io.tum import FARTHEST, read_tum
 from outrider.typing import Floats
 
 POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
@@ -106,10 +106,15 @@ def read_table(path: Path) -> Trajectory:
     if missing:
         raise DataError(f"no column '{missing[0]}'", where=str(path), fix=closest(missing[0], columns))
     try:
-        return _trajectory(columns, path.stem)
+        made = _trajectory(columns, path.stem)
     except (ValueError, OverflowError) as e:
-        cell = str(e).rpartition(": ")[2]
+        cell = str(e).rpartition(": ")[2][:60]
         raise DataError(f"holds {cell}, which is no number", where=str(path), fix="write the table again") from None
+    if not (np.abs(made.p) < FARTHEST).all():
+        row = int(np.flatnonzero(~(np.abs(made.p) < FARTHEST).all(axis=1))[0])
+        what = f"row {row + 1} has no position: {made.p[row].tolist()}"
+        raise DataError(what, where=str(path), fix="write the table again")
+    return made
 
 
 def _trajectory(columns: Columns, name: str) -> Trajectory:

@@ -7,7 +7,10 @@ trials.parquet   the same as a table in the order of the trials, made when all h
 
 import json
 import os
+import sys
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TextIO, cast, final
 
@@ -24,6 +27,16 @@ Record = dict[str, Any]
 
 
 @final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stored:
+    """What a folder holds. rows : in the order in which they ended;  damaged : lines, from 1, that are no row"""
+
+    configuration: Record
+    rows: Sequence[Record]
+    damaged: tuple[int, ...]
+
+
+@final
 class TrialStore:
     """Rows of one campaign in a folder; a context that holds the folder against a second writer."""
 
@@ -34,7 +47,6 @@ class TrialStore:
         """
         self.folder = folder
         self.rows: list[Record] = []
-        self.damaged = 0  # lines that hold no row: their trials count as not done
         self._file: TextIO | None = None
         _prepare(folder, plain(configuration), resume=resume)
 
@@ -53,7 +65,8 @@ class TrialStore:
 
     def __exit__(self, *_: object) -> None:
         if self._file is not None:
-            self._file.close()
+            with suppress(OSError):  # of a full disk: it tries again to write what `append` could not
+                self._file.close()
             self._file = None
 
     def append(self, row: Record) -> None:
@@ -96,30 +109,43 @@ class TrialStore:
             raise UsageError("another process is running this campaign", where=str(self.folder)) from None
 
     def _read(self) -> None:
-        """Take in what is stored; cut a last line that was never finished."""
+        """Take in what is stored; cut a last line that was never finished, blank those that hold no row.
+
+        The trials of both count as not done.
+        """
         assert self._file is not None
         self._file.seek(0)
         raw = self._file.buffer.read()  # type: ignore[attr-defined]
         whole = raw[: raw.rfind(b"\n") + 1]
-        self.damaged = int(len(whole) < len(raw))
         os.truncate(self.folder / ROWS, len(whole))
-        self._file.seek(0, os.SEEK_END)
-        for line in whole.splitlines():
+        at = 0
+        for line in whole.split(b"\n")[:-1]:
             row = _parsed(line)
-            if row is None:
-                self.damaged += 1
-            else:
+            if row is not None:
                 self.rows.append(row)
+            elif line.strip():
+                with (self.folder / ROWS).open("r+b") as file:  # `a+` writes at the end only
+                    file.seek(at)
+                    file.write(b" " * len(line))
+            at += len(line) + 1
+        self._file.seek(0, os.SEEK_END)
 
 
-def read_trials(folder: Path) -> tuple[Record, list[Record]]:
-    """Configuration and rows of a folder, in the order in which they ended, whether or not all trials have."""
-    marker = read_marker(folder, MARKER, SCHEMA)
+def read_trials(folder: Path) -> Stored:
+    """Configuration and rows of a folder, whether or not all trials have ended; a line being written is not yet one."""
+    configuration = read_marker(folder, MARKER, SCHEMA)["configuration"]
     try:
-        lines = (folder / ROWS).read_bytes().splitlines() if (folder / ROWS).exists() else []
+        lines = (folder / ROWS).read_bytes().split(b"\n")[:-1] if (folder / ROWS).exists() else []
     except OSError as e:
         raise DataError(f"cannot be read: {(e.strerror or str(e)).lower()}", where=str(folder / ROWS)) from None
-    return marker["configuration"], [row for row in map(_parsed, lines) if row is not None]
+    parsed = [_parsed(line, len(configuration["cases"])) for line in lines]
+    return Stored(
+        configuration=configuration,
+        rows=[row for row in parsed if row is not None],
+        damaged=tuple(
+            n for n, (line, row) in enumerate(zip(lines, parsed, strict=True), 1) if line.strip() and row is None
+        ),
+    )
 
 
 def _prepare(folder: Path, configuration: Record, *, resume: bool) -> None:
@@ -159,10 +185,11 @@ def _differences(stored: object, now: object, where: str = "") -> list[str]:
     return [] if stored == now else [f"{where}: {json.dumps(stored)} in the folder, {json.dumps(now)} now"]
 
 
-def _parsed(line: bytes) -> Record | None:
+def _parsed(line: bytes, cases: int = sys.maxsize) -> Record | None:
     try:
         row = json.loads(line)
         whole = isinstance(row["case"], int) and isinstance(row["seed"], int) and isinstance(row["error"], str)
+        whole = whole and 0 <= row["case"] < cases
         return cast("Record", row) if whole and isinstance(row["values"], dict) else None
     except (ValueError, KeyError, TypeError):
         return None

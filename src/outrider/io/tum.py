@@ -10,6 +10,8 @@ from outrider.errors import DataError
 from outrider.io.files import ensure_readable, replacing
 from outrider.io.stamps import seconds_text, to_nanoseconds
 
+FARTHEST = 1e12  # m
+SHORTEST = 1e-100  # of a quaternion
 A_LINE = "a line is: seconds x y z qx qy qz qw"
 
 
@@ -27,13 +29,14 @@ def write_tum(trajectory: Trajectory, path: Path, *, force: bool = False) -> Non
 
 
 def read_tum(path: Path) -> Trajectory:
-    """Read poses; a damaged line is left out.
+    """Read poses; a damaged line is left out and counted.
 
     Raises `DataError` for a file without any pose, where time stands still or runs backwards from one pose to the next,
     and where names or numbers tell of another order of the columns.
     """
     texts: list[str] = []
     rows: list[list[float]] = []
+    dropped = 0
     unturned = 0  # lines of a quaternion of zeros
     widths: set[int] = set()
     with ensure_readable(path).open(encoding="utf-8-sig", errors="replace") as f:
@@ -45,13 +48,16 @@ def read_tum(path: Path) -> Trajectory:
                 continue
             widths.add(len(cells))
             unturned += len(row) == 8 and not any(row[4:])
-            if len(row) == 8 and not line.startswith("#") and np.isfinite(row[1:]).all() and any(row[4:]):
+            if len(row) == 8 and not line.startswith("#") and _is_pose(row):
                 texts.append(cells[0])
                 rows.append(row[1:])
+            elif not line.startswith("#"):
+                dropped += 1
     t, good = to_nanoseconds(texts, "s")
     poses = np.array(rows, np.float64).reshape(-1, 7)[good]
     if not len(poses):
         raise DataError(_why_none(widths, texts, unturned), where=str(path), fix=A_LINE)
+    dropped += int((~good).sum())
     t, q = t[good], poses[:, 3:]
     if (still := np.diff(t) <= 0).any():
         k = int(np.flatnonzero(still)[0]) + 1
@@ -60,7 +66,12 @@ def read_tum(path: Path) -> Trajectory:
     length = np.linalg.norm(q, axis=1, keepdims=True)
     if not 0.5 < (typical := float(np.median(length))) < 2.0:  # the last four are no quaternion
         raise DataError(f"its quaternions have length {typical:.3g}, not 1", where=str(path), fix=A_LINE)
-    return Trajectory(t=t, p=poses[:, :3], q=q / length, name=path.stem)
+    return Trajectory(t=t, p=poses[:, :3], q=q / length, name=path.stem, dropped=dropped)
+
+
+def _is_pose(row: list[float]) -> bool:
+    """Whether a place and a direction can be meant by a stamp and seven numbers."""
+    return all(abs(v) < FARTHEST for v in row[1:4]) and SHORTEST < max(map(abs, row[4:])) < 1.0 / SHORTEST
 
 
 def _numbers(cells: list[str]) -> list[float] | None:

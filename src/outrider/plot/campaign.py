@@ -16,6 +16,7 @@ from outrider.typing import Floats, Ints
 
 PANEL: Final = 1.5  # inches, of one value
 MOST: Final = 6  # values drawn
+MORE: Final = ("clearance", "separations", "least_m", "valid", "covered", "seen")  # more of it is better
 Json = dict[str, Any]
 
 
@@ -140,19 +141,28 @@ def _means(ax: Axes, at: Floats, x: Floats) -> None:
 
 @styled
 def pareto_figure(x: Floats, y: Floats, name_x: str, name_y: str) -> Figure:
-    """Two values of each trial, and those trials that no other beats in both where less is better."""
+    """Two values of each trial, and those trials that no other beats in both."""
     known = np.isfinite(x) & np.isfinite(y)
     p = np.column_stack([x[known], y[known]])
-    order = np.lexsort((p[:, 1], p[:, 0]))
-    best = order[p[order, 1] <= np.minimum.accumulate(p[order, 1])]
+    senses = [-1.0 if any(word in name for word in MORE) else 1.0 for name in (name_x, name_y)]
+    best = undominated(p * senses)
     figure = Figure(figsize=(WIDTH, 2.8))
     ax = figure.subplots()
     ax.plot(p[:, 0], p[:, 1], ".", color=FUSED, markersize=4, alpha=0.5)
     ax.plot(p[best, 0], p[best, 1], "-o", color=SOURCES[0], markersize=4, linewidth=1.0)
-    ax.set_xlabel(label(name_x))
-    ax.set_ylabel(label(name_y.replace(".", ".\n")), fontsize=7)
+    broken = name_y.replace(".", ".\n")
+    told = ["more is better" if s < 0.0 else "less is better" for s in senses]
+    ax.set_xlabel(f"{label(name_x)} ({told[0]})")
+    ax.set_ylabel(f"{label(broken)}\n({told[1]})", fontsize=7)
     handles = [
         Line2D([], [], color=FUSED, marker=".", linestyle="", label="a trial"),
-        Line2D([], [], color=SOURCES[0], marker="o", label="no other is less in both"),
+        Line2D([], [], color=SOURCES[0], marker="o", label="no other is better in both"),
     ]
     return finish(figure, handles, left=1.4)
+
+
+def undominated(costs: Floats) -> Ints:
+    """Rows of costs (n, 2) that no other beats, by the first cost; one of those that are equal."""
+    order = np.lexsort((costs[:, 1], costs[:, 0]))
+    least = np.minimum.accumulate(np.r_[np.inf, costs[order, 1]])[:-1]  # of those before
+    return order[costs[order, 1] < least]

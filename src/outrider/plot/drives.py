@@ -63,10 +63,14 @@ def sites_figure(sites: Sequence[Site]) -> Figure:
     figure = Figure(figsize=(WIDTH, tall))
     axes = figure.subplots(1, len(sites), squeeze=False, width_ratios=shares)[0]
     handles: dict[str, Line2D] = {}
+    others: dict[str, str] = {}
     for ax, site, window in zip(axes, sites, windows, strict=True):
         _map(ax, site, window)
         for line in site.lines:
-            colour, style = HUES[line.name]
+            colour, style = HUES.get(line.name) or (
+                others.setdefault(line.name, SOURCES[len(others) % len(SOURCES)]),
+                "-",
+            )
             (drawn,) = ax.plot(*line.points.T, color=colour, linestyle=style, linewidth=1.1, label=line.name)
             handles.setdefault(line.name, drawn)
     return finish(figure, list(handles.values()))

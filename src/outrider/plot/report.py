@@ -12,7 +12,7 @@ from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 
 from outrider import __version__
-from outrider.data import Innovations, Run, Trajectory, Verdict
+from outrider.data import Finding, Innovations, Run, Trajectory, Verdict
 from outrider.plot import tables
 from outrider.plot.compare import error_figure
 from outrider.plot.health import health_figure
@@ -22,6 +22,7 @@ from outrider.plot.motion import motion_figure, sigma_figure, slow_figure
 from outrider.plot.series import end_time, has_height, radius_95
 from outrider.plot.shapes import aligned_at_start, ellipse_rows, shown_ellipses
 from outrider.plot.style import DARK, css_name, to_svg
+from outrider.plot.wrong import evidence_figure, headline, summary
 
 _NO_LOCAL = "There is no local estimate: it needs wheels or another source of body velocity, and a gyro."
 _HEADING = "Headings count counter-clockwise from east."
@@ -54,7 +55,8 @@ def write_report(run: Run, path: Path, *, reference: Trajectory | None = None, c
         verdict=run.outcome.value,
         tone=tables.tone(run.outcome),
         facts=[tables.span(run.duration), tables.number(run.fused.pose.length, "m")],
-        findings=tables.sorted_findings(run),
+        harm_summary=summary(run.findings, run.outcome),
+        **_findings(run),
         cards=tables.cards(run, reference),
         colours={name: f"var({css_name(colour)})" for name, colour in run_colours(run).items()},
         palette=[(css_name(light), light, dark) for light, dark in DARK.items()],
@@ -75,6 +77,31 @@ def page_environment() -> Environment:
     made = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     made.filters["code"] = _code
     return made
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """A finding as the page shows it."""
+
+    finding: Finding
+    headline: str
+    plot: Plot
+
+
+def _findings(run: Run) -> dict[str, list[Shown]]:
+    """What is wrong, and what is only worth knowing, each with its evidence."""
+    ordered = [Shown(f, headline(f), _evidence(f, k)) for k, f in enumerate(tables.sorted_findings(run))]
+    return {
+        "wrong": [w for w in ordered if w.finding.severity != "info"],
+        "remarks": [w for w in ordered if w.finding.severity == "info"],
+    }
+
+
+def _evidence(f: Finding, k: int) -> Plot:
+    if f.evidence is None:
+        return Plot()
+    return _plot(evidence_figure(f.evidence), f"evidence {k + 1} of {f.code}", f.evidence.text)
 
 
 def _plots(run: Run, reference: Trajectory | None) -> dict[str, object]:

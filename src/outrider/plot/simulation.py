@@ -53,7 +53,7 @@ def write_simulation_report(
             colours=colours(run),
             cards=_cards(summary),
             goals=[(name, k + 1, g) for name, r in summary["robots"].items() for k, g in enumerate(r["goals"])],
-            held=[(name, h) for name, r in summary["robots"].items() for h in r["safety"]],
+            held=_held(summary),
             scenario=scenario,
             command=command or f"outrider run {_word(summary['scenario'])} --seed {summary['seed']}",
             palette=[(css_name(light), light, dark) for light, dark in DARK.items()],
@@ -140,8 +140,23 @@ def _cards(summary: Json) -> list[dict[str, str]]:
             cards.append(_card(f"{name} mistakes its place by", _number(r["estimate"]["rmse_m"]) + " m", worst))
     for pair in summary["separations"]:
         name = " and ".join(pair["robots"])
-        cards.append(_card(f"{name} apart", _number(pair["distance_m"]) + " m", f"at least, {pair['t_s']:.1f} s"))
+        where = f"hull to hull, at least, {pair['t_s']:.1f} s"
+        cards.append(_card(f"{name} apart", _number(pair["distance_m"]) + " m", where))
+    for name, r in (summary["pursuit"] or {}).items():
+        where = f"between centres, at least, {r['least_at_s']:.1f} s; danger zone {r['danger_m']:g} m"
+        where += f", inside for {_number(r['inside_s'])} s" if r["broke_danger"] else ", never inside"
+        cards.append(_card(f"{name} behind {r['leader']}", _number(r["least_m"]) + " m", where))
     return cards
+
+
+def _held(summary: Json) -> list[tuple[str, Json]]:
+    """Robot, and what was done to its commands why."""
+    held = [(name, h) for name, r in summary["robots"].items() for h in r["safety"]]
+    for name, r in (summary["pursuit"] or {}).items():
+        for h in r["safety"]:
+            why = "; ".join(f"{b['times']} times because {b['text']}" for b in h["because"])
+            held += [(name, {**h, "text": f"{h['text']} ({why})" if why else h["text"]})] if h["code"] != "free" else []
+    return held
 
 
 def _word(name: str) -> str:

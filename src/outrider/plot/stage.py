@@ -74,7 +74,7 @@ def stage(
         *(_goals(places, window, unit, hues[name]) for name, places in sent.items()),
         *(_keys(robot, unit) for robot in robots),
         *(f'<circle class="mover" r="{m["radius"]:.2f}"><title>{escape(m["name"])}</title></circle>' for m in movers),
-        *(_marker(robot, unit) for robot in robots),
+        *(_marker(robot, unit, below=k % 2 > 0) for k, robot in enumerate(robots)),
         "</svg>",
     ]
     data = {"t": np.round(seconds, 2).tolist(), "robots": robots, "movers": movers}
@@ -210,14 +210,14 @@ def _keys(robot: Mapping[str, Any], unit: float) -> str:
     return f'<g class="keys" style="stroke:{robot["colour"]}">{spots}</g>'
 
 
-def _marker(robot: Mapping[str, Any], unit: float) -> str:
-    """A robot: its hull to scale, an arrow that can be seen, its name."""
+def _marker(robot: Mapping[str, Any], unit: float, *, below: bool) -> str:
+    """A robot: its hull to scale, an arrow that can be seen, its name above or below: neighbours stay legible."""
     r, a = robot["radius"], max(robot["radius"], 1.1 * unit)
     arrow = f"M{a:.2f} 0L{-0.75 * a:.2f} {0.65 * a:.2f}L{-0.4 * a:.2f} 0L{-0.75 * a:.2f} {-0.65 * a:.2f}Z"
     return (
         f'<g class="robot" transform="translate({robot["x"][-1]} {robot["y"][-1]})" style="color:{robot["colour"]}">'
         f'<circle class="hull" r="{r:.2f}"/><path class="arrow" transform="rotate({-robot["yaw"][-1]})" d="{arrow}"/>'
-        f'<text x="{1.3 * a:.2f}" y="{-1.1 * a:.2f}">{escape(robot["name"])}</text></g>'
+        f'<text x="{1.3 * a:.2f}" y="{3.0 * a if below else -1.1 * a:.2f}">{escape(robot["name"])}</text></g>'
     )
 
 

@@ -6,7 +6,7 @@ what the target can do it follows before anything flies; the same function adapt
 """
 
 from dataclasses import dataclass, replace
-from math import exp, inf, isfinite, sqrt
+from math import exp, inf, isfinite, nan, sqrt
 from typing import Final, final
 
 from outrider._kernel import kernel
@@ -153,7 +153,7 @@ def admissible(
     theta = separation.theta()
     least = least_set_point(target_speed, fixes.oldest_s, pp, pv, vv, theta)
     chosen = least + EASE if set_point is None else set_point
-    if chosen < least or chosen > most:
+    if chosen < least or chosen > most or not isfinite(chosen):
         raise ConfigError(_too_near(separation, fixes, target_speed, least, chosen, most), where=where,
                           fix=_remedy(separation, fixes, target_speed, min(chosen, most)))  # fmt: skip
     lag = separation.other_lag_s
@@ -181,8 +181,17 @@ def _remedy(x: Separation, f: Fixes, speed: float, wanted: float) -> str:
     """The first single change that makes the wanted set-point hold, else the distance that does."""
 
     def takes(x: Separation, f: Fixes, v: float) -> float:
-        return least_set_point(v, f.oldest_s, *f.spread(x.lag_s), x.theta())
+        least = least_set_point(v, f.oldest_s, *f.spread(x.lag_s), x.theta())
+        return least if isfinite(least) else nan
 
+    if not isfinite(wanted):
+        later = (late for late in (5.0, 2.0, 1.0, 0.5, 0.2) if late < f.latency_s)
+        held = next((late for late in later if takes(x, replace(f, latency_s=late), speed) < inf), None)
+        return (
+            "a slower target, a faster follower, or fixes more often"
+            if held is None
+            else f"at most {held:g} s of delay"
+        )
     for rate in (2.0, 5.0, 10.0):
         if rate > f.rate_hz and takes(x, replace(f, rate_hz=rate), speed) <= wanted:
             return f"fixes at {rate:g} Hz, or a set-point farther away"

@@ -45,6 +45,7 @@ from outrider.team import Schedule, Tour
 from outrider.team.crew import Crew
 from outrider.team.errand import Errand
 from outrider.team.scout import Scout
+from outrider.team.tour import GROUNDED
 from outrider.typing import Floats
 
 
@@ -236,7 +237,13 @@ def _robot(
         mounts={getattr(s, "frame", s.name): mount_matrix(s) for s in _bare(carried) if hasattr(s, "lever")},
         drift=made_of(Drift, section.drift), size=hull,
         pad=None if section.pad is None else made_of(Pad, section.pad), on=section.on or "",
+        aloft=mission.type == "lead" or (mission.type == "track" and mission.flies and _high(mission.points)),
     )  # fmt: skip
+
+
+def _high(points: list[list[float]]) -> bool:
+    """Whether no point of a track lies on the ground: one that does is a landing."""
+    return all(len(p) == 3 and p[2] > GROUNDED for p in points)
 
 
 def _agent(member: Member, mission: Any, shared: Setting) -> Agent | Planned:

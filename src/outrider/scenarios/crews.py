@@ -18,7 +18,8 @@ from outrider.sim.radio import Air, Radio
 from outrider.sim.sensors.sight import number_of
 from outrider.sim.truth import EPOCH
 from outrider.sim.world import World
-from outrider.team.crew import Crew, Ear
+from outrider.team.crew import Crew
+from outrider.team.ears import Ear
 
 MethodName: TypeAlias = Literal["none", "local", "naive", "ci", "split_ci", "distributed", "joint"]
 START: Final = {

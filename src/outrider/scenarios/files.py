@@ -28,9 +28,21 @@ def load_scenario(name: str, given: Mapping[str, object] | None = None) -> tuple
     if path.suffix.lower() in ENDINGS:
         return parse_scenario(_beside(_overridden(read_yaml(path), given), path.parent), name), name
     found = find_scenario(name)
+    _known(found, given)
     own = {key: given.pop(key) for key in list(given) if key in found.knobs}
     about = {"name": found.name, "about": found.about}
     return parse_scenario(_overridden({**about, **found.describe(_configured(found, own))}, given)), ""
+
+
+def _known(found: Registered, given: Mapping[str, object]) -> None:
+    """Refuse a word that is neither a setting of a named scenario nor a key of every scenario, with what was meant."""
+    knobs, keys = list(found.knobs), list(Scenario.model_fields)
+    for key in given:
+        head = key.split(".")[0]
+        if head not in (*knobs, *keys):
+            meant = remedy(head, keys if "." in key else [*knobs, *keys])
+            fix = meant if meant.startswith("did you mean") else f"there are: {', '.join(knobs)}; or a key of its file"
+            raise ConfigError(f"{found.name} has no setting of that name", where=f"--set {key}", fix=fix)
 
 
 def parse_scenario(data: Mapping[str, object], where: str = "") -> Scenario:

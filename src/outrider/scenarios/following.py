@@ -1,6 +1,7 @@
 """One aircraft that follows another in scenario files: `mission: lead` and `mission: follow`."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from math import pi
 from typing import Annotated, Any, Final, Literal, cast
 
@@ -36,6 +37,7 @@ BEGINS_S: Final = 0.02  # s that a vehicle takes to begin with a command
 FALL: Final = 0.2  # m/s by which the set-point comes nearer
 KNOTS_S: Final = 0.2  # s between the knots of the spline that carries a leader
 CARRIED_HZ: Final = 100.0
+MOST_HZ: Final = 50.0  # of fixes that are told or followed by
 
 
 class LeadMission(Part):
@@ -99,7 +101,8 @@ class FollowMission(Part):
     target_speed: Positive | None = None
     """m/s, where it is told instead of estimated."""
     approach: NotNegative = 0.0
-    """m/s by which the target may come towards it of its own will."""
+    """m/s by which the target may come towards it of its own will; above 0 it is also taken to brake and speed up as
+    hard as it turns."""
     target_lag_s: NotNegative = 0.5
     """How quickly the target changes its velocity."""
     target_turn: NotNegative = 0.5 * pi
@@ -145,6 +148,9 @@ def leader(
         raise ConfigError(f"no sensor '{mission.tells}'", where="tells", fix=remedy(mission.tells, names))
     if vehicle is not None and vehicle.inputs != AIR_INPUTS:
         raise ConfigError("only who flies leads", where="vehicle", fix="a multirotor, or none: it is carried then")
+    for sensor in carried:
+        if sensor.name in (mission.tells, mission.tells_velocity):
+            _sane(sensor)
     own = None if vehicle is None else navigator(carried, put, EPOCH, world, flies=True, robot=name)
     return Leader(
         name=name, legs=legs(mission, put[2]), datum=world.datum, start=EPOCH, tells=mission.tells, navigator=own,
@@ -193,6 +199,9 @@ def pursuer(
     names = [s.name for s in carried]
     if mission.gnss not in names:
         raise ConfigError(f"no sensor '{mission.gnss}'", where="gnss", fix=remedy(mission.gnss, names))
+    for sensor in carried:
+        if sensor.name in (mission.gnss, mission.velocity, mission.heading):
+            _sane(sensor)
     lead = leads[mission.leader]
     if lead is not None and lead.fastest >= mission.speed:
         what = f"{mission.speed:g} m/s to follow {mission.leader}, which flies {lead.fastest:g} m/s"
@@ -205,27 +214,51 @@ def pursuer(
         if mission.model is None
         else made_of(FollowerModel, mission.model)
     )
-    settings = Following(wind=mission.wind, command_delay_s=design.latency_s)
-    bearings = Bearings(
-        leader=mission.leader, own=FollowerFilter(model, settings),
-        target=FollowerFilter(made_of(FollowerModel, mission.target)), datum=world.datum, start=EPOCH,
-        gnss=mission.gnss, velocity=mission.velocity,
-        heading=mission.heading if mission.heading in names else "", raw=mission.guides_on == "gps",
-    )  # fmt: skip
+    bearings = _bearings(mission, design, model, carried, world)
     style = Style(
         far=Law[mission.far.upper()], near=Law[mission.near.upper()], speed=mission.speed, far_speed=mission.far_speed,
         target_speed=mission.target_speed or float("nan"), command_s=mission.command_s, latency_s=design.latency_s,
+        climb=design.climb, sink=design.sink,
     )  # fmt: skip
     separation = Separation(
         distance=zones.danger, period_s=mission.command_s + BEGINS_S, lag_s=design.tau_s,
         acceleration=design.acceleration, speed=max(mission.speed, mission.far_speed),
         other_lag_s=mission.target_lag_s, turn=mission.target_turn, approach=mission.approach,
     )  # fmt: skip
+    fixes = _fixes(mission, carried, model)
+    set_point = _set_point(mission, separation, zones, fixes, lead)
+    if fixes.oldest_s >= zones.silent_s:
+        what = f"who is not heard for {zones.silent_s:g} s is silent, but fixes get {fixes.oldest_s:.3g} s old"
+        fix = f"silent_s above {fixes.oldest_s:.3g}, lost_s above that, or less delay"
+        raise ConfigError(what, where="zones", fix=fix)
     return Pursuer(
         name=name, bearings=bearings, zones=zones, style=style, separation=separation if mission.safety else None,
-        set_point=_set_point(mission, separation, zones, _fixes(mission, carried, model), lead),
+        set_point=set_point,
         trail=Trail(degree=mission.degree, aim_at=Aim[mission.aim.upper()]), home=np.array(put[:3]),
         period_s=mission.period_s,
+    )  # fmt: skip
+
+
+def _bearings(
+    mission: FollowMission,
+    design: Multirotor | Rotorcraft,
+    model: FollowerModel,
+    carried: tuple[Any, ...],
+    world: World,
+) -> Bearings:
+    """Its filter, which knows what its vehicle can, and the one of the target, which is no faster than the follower."""
+    names = [s.name for s in carried]
+    late = getattr(_bare(carried[names.index(mission.gnss)]), "latency_s", 0.0)
+    history_s = max(Following().history_s, late + 2.0)
+    own = Following(
+        history_s=history_s, fastest=2.0 * design.speed, wind=mission.wind, command_delay_s=design.latency_s,
+        hardest=design.acceleration, hardest_up=design.vertical_acceleration,
+    )  # fmt: skip
+    target = Following(history_s=history_s, fastest=max(mission.speed, mission.far_speed))
+    return Bearings(
+        leader=mission.leader, own=FollowerFilter(model, own), target=FollowerFilter(_target_model(mission), target),
+        datum=world.datum, start=EPOCH, gnss=mission.gnss, velocity=mission.velocity,
+        heading=mission.heading if mission.heading in names else "", raw=mission.guides_on == "gps",
     )  # fmt: skip
 
 
@@ -250,13 +283,28 @@ def _fixes(mission: FollowMission, carried: tuple[Any, ...], model: FollowerMode
     """What it may expect of both receivers, from its own."""
     by_name = {s.name: _bare(s) for s in carried}
     own, velocity = by_name[mission.gnss], by_name.get(mission.velocity)
-    target = made_of(FollowerModel, mission.target)
+    target = _target_model(mission)
     return Fixes(
         rate_hz=own.rate_hz, latency_s=getattr(own, "latency_s", 0.0) + mission.period_s,
         sigma=max(getattr(own, "sigma", 1.0), getattr(own, "sigma_up", 0.0)),
         velocity_sigma=float("inf") if velocity is None else velocity.sigma,
         acceleration=max(target.acceleration, target.turn or 0.0), own_acceleration=model.acceleration,
     )  # fmt: skip
+
+
+def _target_model(mission: FollowMission) -> FollowerModel:
+    """How the target moves. One that may come back is believed when it does: no fix of it is an outlier for that."""
+    model = made_of(FollowerModel, mission.target)
+    hard = model.acceleration if model.turn is None else model.turn
+    return replace(model, acceleration=max(model.acceleration, hard)) if mission.approach > 0.0 else model
+
+
+def _sane(sensor: Any) -> None:
+    """Refuse fixes that come so often that nobody has such a receiver, and that every filter would take an age over."""
+    rate = getattr(_bare(sensor), "rate_hz", 0.0)
+    if rate > MOST_HZ:
+        fix = f"{MOST_HZ:g} Hz or fewer; a follower decides ten times a second"
+        raise ConfigError(f"{sensor.name} tells {rate:g} times a second", where="sensors", fix=fix)
 
 
 def _bare(sensor: Any) -> Any:

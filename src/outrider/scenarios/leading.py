@@ -69,7 +69,7 @@ def follow_leader(cfg: Follow) -> Description:
                 "mission": {
                     "type": "follow", "leader": "target", "speed": cfg.fastest, "far_speed": cfg.fastest,
                     "zones": {"danger": cfg.danger, "zone": cfg.zone}, "wind": 1.0 if cfg.wind > 0.0 else 0.0,
-                    "target_turn_deg": 180.0 if cfg.target == "reverse" else 90.0,
+                    **({"target_turn_deg": 180.0, "approach": cfg.speed} if cfg.target == "reverse" else {}),
                 },
             },
         },

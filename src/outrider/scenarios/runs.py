@@ -21,7 +21,7 @@ from outrider.models.vehicles import Vehicle
 from outrider.scenarios.booked import mission, unserved
 from outrider.scenarios.build import Cast, build
 from outrider.scenarios.files import scenario_text
-from outrider.scenarios.followed import pursuit, pursuit_figures, write_pictures
+from outrider.scenarios.followed import Breach, breaches, pursuit, pursuit_figures, strayed, write_pictures
 from outrider.scenarios.inspected import inspection, write_picture
 from outrider.scenarios.parts import Scenario
 from outrider.scenarios.sharing import sharing
@@ -37,6 +37,7 @@ SUMMARY, RECORDING, SCENARIO, REPORT = "summary.json", "run.mcap", "scenario.yam
 FILM: Final = "film.gif"
 PICTURE: Final = "inspection.png"
 FILM_HZ: Final = 10.0
+TOO_NEAR: Final = "too_near"
 GOOD: Final = (Ending.GOAL, Ending.TIME)
 
 Progress = Callable[[str, float], None]
@@ -55,9 +56,20 @@ class Done:
 
     @property
     def exit_code(self) -> ExitCode:
-        """Whether it ended as planned, every goal reached, no alert in vain."""
+        """Whether it ended as planned, every goal reached, no alert in vain, every follower at its distance."""
         good = self.run.ending in GOOD and all(o.visit is Visit.ARRIVED for _, e in self.errands for o in e.outcomes)
-        return ExitCode.OK if good and not unserved(self.cast) else ExitCode.FAILED_CHECK
+        good &= not unserved(self.cast) and not self.breaches
+        return ExitCode.OK if good else ExitCode.FAILED_CHECK
+
+    @property
+    def code(self) -> str:
+        """How it ended, in a word: an `Ending`, or that a follower came too near to its target."""
+        return TOO_NEAR if self.breaches and self.run.ending in GOOD else self.run.ending.name.lower()
+
+    @property
+    def breaches(self) -> list[Breach]:
+        """Followers that broke their protective distance."""
+        return breaches(self.cast, self.run)
 
     @property
     def sentence(self) -> str:
@@ -67,6 +79,7 @@ class Done:
         told = [self.run.sentence]
         told += [f"{len(missed)} goal{'s' * (len(missed) > 1)} not reached"] if missed else []
         told += [f"{vain} alert{'s' * (vain > 1)} in vain"] if vain else []
+        told += [b.sentence for b in self.breaches] + strayed(self.cast)
         return "; ".join(told)
 
     @property
@@ -155,7 +168,7 @@ def summarise(done: Done) -> dict[str, Any]:
         "schema": SCHEMA,
         "scenario": scenario.name,
         "about": scenario.about,
-        "outcome": {"code": run.ending.name.lower(), "text": done.sentence},
+        "outcome": {"code": done.code, "text": done.sentence},
         "seed": scenario.seed,
         "start_ns": run.monitor.start,
         "duration_s": lasted,

@@ -1,5 +1,6 @@
 """Many drones at once: everyone with its own filter, neighbours known only by radio, in one compiled loop."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import exp, inf
 from typing import Final, final
@@ -23,7 +24,7 @@ from outrider.scenarios.swarm_state import (
     M_STAMP,
     MEMBER,
     T_AHEAD,
-    T_ARC,
+    T_GAP,
     T_SIZE,
     T_SPEED,
     Room,
@@ -81,11 +82,14 @@ _NO_PATH: Final = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 1.0]])
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Task:
-    """Who starts where and is to do what. start (N, 3) m;  kind (N,) GOALS, LEADER or MEMBER;  goals (N, W, 3) m, one
-    after the other;  release (N, W) s, from when on a drone
-    may go on, for `window_s` in every `period_s`;  walls (m, 4) m, ends of pieces;  silent
-    (N, windows, 2) s without radio;  path (L, 2) m of the leader, which starts on it where its start says;  pace
-    (steps,) m/s of the leader;  trail (C, 2) m known at the start;  near, on_the_way : m, how near counts as there."""
+    """Who starts where and is to do what. Lengths in m, times in s.
+
+    start (N, 3);  kind (N,) GOALS, LEADER, MEMBER, or ASIDE for who waits above the trail to join;  goals (N, W, 3),
+    one after the other;  release (N, W), from when on a drone may go on, for `window_s` in every `period_s`;  walls
+    (m, 4), ends of pieces;  silent (N, windows, 2) without radio;  path (L, 2) of the leader, which starts on it where
+    its start says;  pace (steps,) m/s of the leader;  trail (C, 2) known at the start;  branch (B, 2), from the path to
+    the path again, of who is `second` and leads all behind it there;  leaves (N,), when a drone leaves the column for
+    its goals;  near, on_the_way : how near counts as there."""
 
     start: Floats
     kind: Ints
@@ -97,6 +101,9 @@ class Task:
     path: Floats | None = None
     pace: Floats | None = None
     trail: Floats | None = None
+    branch: Floats | None = None
+    second: int = -1
+    leaves: Floats | None = None
     period_s: float = inf
     window_s: float = inf
     cruise: float = 3.0
@@ -107,10 +114,10 @@ class Task:
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Flown:
-    """What became of a swarm. track (rows, N, T_SIZE) of truth, a row every `every_s`;  least (N,) m, the least true
-    distance of each to any other, at when (N,) s;  violations : drones and steps nearer than allowed;  in_walls : the
-    same, of walls;  ranks (N, 6) decisions by `RANKS`;  heard : messages;  there (N,) whether each is at its last goal;
-    error (N,) m, of the estimate at the end;  aside (N,) whether it is out of the column at the end."""
+    """What became of a swarm. track (rows, N, T_SIZE) of truth and estimates, a row every `every_s`;  least (N,) m, the
+    least true distance of each to any other, at when (N,) s;  violations : drones and steps nearer than allowed;
+    in_walls : the same, of walls;  ranks (N, 6) decisions by `RANKS`;  heard : messages;  there (N,) whether each is at
+    its last goal;  error (N,) m, of the estimate at the end;  aside (N,) whether it is out of the column at the end."""
 
     track: Floats
     every_s: float
@@ -127,10 +134,11 @@ class Flown:
 
 
 def fly_swarm(task: Task, seed: int, *, sky: Sky = Sky(), rules: Avoidance = Avoidance(), spacing: Spacing = Spacing(),
-              every: int = 5, until_there: bool = True, room: int = 64) -> Flown:  # fmt: skip
+              every: int = 5, until_there: bool = True, room: int = 64,
+              progress: Callable[[float], None] | None = None) -> Flown:  # fmt: skip
     """Fly a task. Every `every`th decision is recorded; it ends early when all are at their goals, if `until_there`.
 
-    room : neighbours that a drone can remember, and hears at once, the nearest.
+    room : neighbours that a drone can remember, and hears at once, the nearest;  progress : told the share of the time.
     """
     n, steps = len(task.start), round(task.seconds / DT)
     w, s = _world(task, sky, rules, spacing), _swarm(task, sky, min(max(n - 1, 1), room), steps)
@@ -145,6 +153,8 @@ def fly_swarm(task: Task, seed: int, *, sky: Sky = Sky(), rules: Avoidance = Avo
         fix, gust = rng.standard_normal((BLOCK, n, 6))[:b], rng.standard_normal((BLOCK, n, 3))[:b]
         fly(w, s, r, k, fix, gust, rng.random(shape)[:b], track, every)
         k += b
+        if progress is not None:
+            progress(k / steps)
         there = (s.goal == w.goals.shape[1] - 1) & (np.hypot(*(s.body[:, :2] - last[:, :2]).T) < 1.5 * task.near)
         if until_there and there.all():
             break
@@ -159,11 +169,8 @@ def fly_swarm(task: Task, seed: int, *, sky: Sky = Sky(), rules: Avoidance = Avo
 
 def spacing_errors(flown: Flown, spacing: Spacing = Spacing()) -> Floats:
     """(rows, N) m, by how much each true gap to the one ahead differs from d_0 + h v; NaN for who follows nobody."""
-    ahead = flown.track[:, :, T_AHEAD].astype(np.int64)
-    arc = flown.track[:, :, T_ARC]
-    gap = np.take_along_axis(arc, np.maximum(ahead, 0), axis=1) - arc
     wanted = spacing.stand + spacing.headway_s * flown.track[:, :, T_SPEED]
-    return np.where(ahead < 0, np.nan, gap - wanted)
+    return np.where(flown.track[:, :, T_AHEAD] < 0.0, np.nan, flown.track[:, :, T_GAP] - wanted)
 
 
 def _with_arc(p: Floats) -> Floats:
@@ -193,7 +200,10 @@ def _world(task: Task, sky: Sky, rules: Avoidance, spacing: Spacing) -> World:
         walls=np.ascontiguousarray(task.walls, np.float64), goals=np.ascontiguousarray(goals, np.float64),
         release=np.zeros(goals.shape[:2]) if task.release is None else task.release,
         silent=np.full((n, 1, 2), inf) if task.silent is None else task.silent,
-        kind=np.array(task.kind, np.int64), path=_NO_PATH if task.path is None else _with_arc(task.path),
+        kind=np.where(task.kind == ASIDE, MEMBER, task.kind).astype(np.int64),
+        path=_NO_PATH if task.path is None else _with_arc(task.path),
+        branch=_NO_PATH if task.branch is None else _with_arc(task.branch), second=task.second,
+        leaves=np.full(n, inf) if task.leaves is None else task.leaves,
         due=np.zeros(steps) if task.pace is None else np.cumsum(task.pace) * DT,
     )  # fmt: skip
 
@@ -201,11 +211,11 @@ def _world(task: Task, sky: Sky, rules: Avoidance, spacing: Spacing) -> World:
 def _swarm(task: Task, sky: Sky, slots: int, steps: int) -> Swarm:
     n = len(task.start)
     body = np.stack([VEHICLE.launch(p, np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(3)) for p in task.start])
-    crumbs, known = np.zeros((2, 3)), 2
+    crumbs, known = np.zeros((2, 2, 3)), 2
     if task.trail is not None:
         trail = _with_arc(task.trail)
-        crumbs, known = np.zeros((len(trail) + steps, 3)), len(trail)
-        crumbs[:known] = trail
+        crumbs, known = np.zeros((2, len(trail) + steps, 3)), len(trail)
+        crumbs[0, :known] = trail
     arc = np.zeros(n)
     for i in range(n):
         points = task.path if task.kind[i] == LEADER else task.trail
@@ -221,9 +231,10 @@ def _swarm(task: Task, sky: Sky, slots: int, steps: int) -> Swarm:
         gust=np.zeros((n, 3)), sent=sent, who=np.full((n, slots), -1, np.int64), inbox=np.zeros((n, slots, M_SIZE)),
         kind=np.array(task.kind, np.int64), goal=np.zeros(n, np.int64), stuck=np.zeros(n),
         high=task.start[:, 2].copy(), arc=arc, true_arc=arc.copy(), dropped=arc.copy(),
-        crumbs=crumbs, known=np.full(n, known, np.int64),
-        hold=np.zeros((n, 2)), mute=np.full(n, inf), rest=np.full(n, inf), least=np.full(n, inf), when=np.zeros(n),
-        broken=np.zeros(3, np.int64), ranks=np.zeros((n, len(RANKS)), np.int64),
+        crumbs=crumbs, known=np.tile(np.array([known, 0], np.int64), (n, 1)), line=np.zeros(n, np.int64),
+        shift=np.full(n, inf), fork=np.full(1, inf), hold=task.start[:, :2].copy(),
+        mute=np.full(n, inf), rest=np.full(n, inf), least=np.full(n, inf), when=np.zeros(n),
+        broken=np.zeros(3, np.int64), ranks=np.zeros((n, len(RANKS)), np.int64), last=np.zeros(n, np.int64),
     )  # fmt: skip
 
 

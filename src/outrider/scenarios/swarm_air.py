@@ -59,7 +59,8 @@ def hear(w: World, s: Swarm, r: Room, i: int, found: int, k: int, t: float, chan
         s.who[i, at] = j
         for a in range(message.size):
             s.inbox[i, at, a] = message[a]
-        s.known[i] = max(s.known[i], int(message[M_KNOWN]))
+        for line in range(2):
+            s.known[i, line] = max(s.known[i, line], int(message[M_KNOWN + line]))
         s.broken[2] += 1
 
 

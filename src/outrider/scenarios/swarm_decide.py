@@ -8,22 +8,21 @@ from math import hypot, inf
 from typing import Final
 
 from outrider._kernel import inlined, kernel
-from outrider.guidance.avoidance import A_BRAKE, A_HARDEST, A_PART, A_REACH, A_REACT, A_RETREAT, A_SPEED, write_lines
-from outrider.guidance.column import along, latest, pace, place
+from outrider.guidance.avoidance import A_BRAKE, A_HARDEST, A_REACH, A_REACT, A_RETREAT, A_SPEED, write_lines
+from outrider.guidance.column import along, pace, place
 from outrider.guidance.halfplanes import BROKEN, KEPT, braking, chosen
+from outrider.scenarios.swarm_order import crowded, follow_line, reorder, until, waits
 from outrider.scenarios.swarm_state import (
     ASIDE,
     AVOIDANCE,
     GAVE_WAY,
     GOALS,
-    H_ASIDE,
     H_CRUISE,
     H_DT,
     H_LAYER,
     H_NEAR,
     H_PASS,
     H_PERIOD,
-    H_RADIO,
     H_REACH,
     H_STALE,
     H_WALL,
@@ -31,6 +30,8 @@ from outrider.scenarios.swarm_state import (
     LEADER,
     M_ARC,
     M_KIND,
+    M_LINE,
+    M_SHIFT,
     M_STAMP,
     MEMBER,
     PROGRESS,
@@ -40,6 +41,7 @@ from outrider.scenarios.swarm_state import (
     Room,
     Swarm,
     World,
+    in_units_of,
     to_wall,
 )
 from outrider.typing import Floats
@@ -77,19 +79,23 @@ def towards(w: World, s: Swarm, i: int, t: float) -> tuple[float, float, float]:
 def on_trail(w: World, s: Swarm, i: int, t: float) -> tuple[float, float, float, float]:
     """(speed, east, north, free): along the trail behind the one ahead, and how fast it would be without that one."""
     stand, headway, gain, preview, speed = w.spacing[0], w.spacing[1], w.spacing[2], w.spacing[3], w.spacing[4]
-    n, arc = s.known[i], s.arc[i]
-    s_ahead, v_ahead, seen = s.crumbs[n - 1, 2], 0.0, inf
+    line, arc = s.line[i], s.arc[i]
+    trail, n = s.crumbs[line], s.known[i, line]
+    s_ahead, v_ahead, seen, who = trail[n - 1, 2], 0.0, inf, -1
     for q in range(s.who.shape[1]):
         if s.who[i, q] < 0 or (s.inbox[i, q, M_KIND] != MEMBER and s.inbox[i, q, M_KIND] != LEADER):
             continue
-        age = min(t - s.inbox[i, q, M_STAMP], w.how[H_STALE])
-        v = hypot(s.inbox[i, q, 3], s.inbox[i, q, 4])
-        at = s.inbox[i, q, M_ARC] + v * age
+        o = s.inbox[i, q]
+        age = min(t - o[M_STAMP], w.how[H_STALE])
+        v = hypot(o[3], o[4])
+        at = in_units_of(line, arc, s.shift[i], s.fork[0], int(o[M_LINE]), o[M_ARC] + v * age, o[M_SHIFT])
         if arc < at < seen:
-            seen, s_ahead = at, at
-            v_ahead = v if t - s.inbox[i, q, M_STAMP] < w.how[H_STALE] else 0.0
-    at, k = along(s.crumbs, n, arc, s.X[i, 0], s.X[i, 1])
-    x, y = place(s.crumbs, n, k, at + preview)
+            seen, s_ahead, who = at, at, q
+            v_ahead = v if t - o[M_STAMP] < w.how[H_STALE] else 0.0
+    if who >= 0:
+        follow_line(s, i, int(s.inbox[i, who, M_LINE]), s.inbox[i, who, M_SHIFT], trail[n - 1, 2])
+    at, k = along(trail, n, arc, s.X[i, 0], s.X[i, 1])
+    x, y = place(trail, n, k, at + preview)
     dx, dy = x - s.X[i, 0], y - s.X[i, 1]
     d = max(hypot(dx, dy), 1e-9)
     own = (s.X[i, 3] * dx + s.X[i, 4] * dy) / d
@@ -97,68 +103,26 @@ def on_trail(w: World, s: Swarm, i: int, t: float) -> tuple[float, float, float,
 
 
 @kernel
-def waits(w: World, s: Swarm, i: int, t: float) -> None:
-    """A drone whose radio is dead stands, then climbs out of the others' way; heard again, it waits until it may sink:
-    into a column behind the last, else where nobody is below for 3 s."""
-    if s.kind[i] != ASIDE:
-        if s.kind[i] != LEADER and t - s.mute[i] > 2.0:
-            s.kind[i] = ASIDE
-            s.high[i] += w.how[H_ASIDE]
-            s.hold[i, 0], s.hold[i, 1], s.rest[i] = s.X[i, 0], s.X[i, 1], inf
-        return
-    if s.mute[i] < inf:
-        return
-    arc, clear = s.arc[i], False
-    if w.kind[i] == MEMBER:
-        arc = latest(s.crumbs, s.known[i], s.X[i, 0], s.X[i, 1], 10.0)
-        clear = is_last(w, s, i, arc)
-    else:
-        clear = not crowded(w, s, i)
-    s.rest[i] = min(s.rest[i], t) if clear else inf
-    if t - s.rest[i] > 3.0:
-        s.kind[i], s.arc[i] = w.kind[i], arc
-        s.high[i] -= w.how[H_ASIDE]
-
-
-@inlined
-def is_last(w: World, s: Swarm, i: int, arc: float) -> bool:
-    """Whether the column that it hears is all ahead of a drone at `arc` of the trail."""
-    behind, ahead = False, False
-    for q in range(s.who.shape[1]):
-        if s.who[i, q] >= 0 and (s.inbox[i, q, M_KIND] == MEMBER or s.inbox[i, q, M_KIND] == LEADER):
-            gap = s.inbox[i, q, M_ARC] - arc
-            behind = behind or -w.how[H_RADIO] < gap < w.spacing[0]
-            ahead = ahead or w.spacing[0] <= gap < w.how[H_RADIO]  # and not a round of the way later
-    return ahead and not behind
-
-
-@inlined
-def crowded(w: World, s: Swarm, i: int) -> bool:
-    """Whether somebody was heard near, seen from above."""
-    met, out = 2.0 * w.rules[A_PART], False
-    for q in range(s.who.shape[1]):
-        if s.who[i, q] >= 0 and hypot(s.inbox[i, q, 0] - s.X[i, 0], s.inbox[i, q, 1] - s.X[i, 1]) < met:
-            out = True
-    return out
-
-
-@kernel
 def decide(w: World, s: Swarm, r: Room, i: int, k: int, t: float) -> None:
     """The next command of one drone, by what it knows."""
     own = s.X[i]
     waits(w, s, i, t)
+    reorder(w, s, i, t)
     kind = s.kind[i]
     free = 0.0
     if kind == GOALS and s.mute[i] == inf:
         speed, ex, ey = towards(w, s, i, t)
         free = speed
     elif kind == LEADER:
-        at, piece = along(w.path, w.path.shape[0], s.arc[i], own[0], own[1])
-        x, y = place(w.path, w.path.shape[0], piece, at + w.spacing[3])
+        path = w.path if s.line[i] == 0 else w.branch
+        at, piece = along(path, path.shape[0], s.arc[i], own[0], own[1])
+        x, y = place(path, path.shape[0], piece, at + w.spacing[3])
         d = max(hypot(x - own[0], y - own[1]), 1e-9)
         ex, ey = (x - own[0]) / d, (y - own[1]) / d
         ahead = (w.due[min(k + 1, w.due.size - 1)] - w.due[k]) / w.how[H_DT]
         speed = min(max(ahead + w.spacing[2] * (w.due[k] - at), 0.0), w.spacing[4])
+        if s.line[i] == 1:
+            speed = min(w.how[H_CRUISE], max(0.6 * (until(w, s, i) - at), 0.0))
         free = speed
     elif kind == MEMBER and s.mute[i] == inf:
         speed, ex, ey, free = on_trail(w, s, i, t)
@@ -170,10 +134,12 @@ def decide(w: World, s: Swarm, r: Room, i: int, k: int, t: float) -> None:
         speed, ex, ey = 0.0, 1.0, 0.0
     want = (speed * ex, speed * ey)
     n, firm = gather(w, s, r, i, t)
-    if kind == LEADER:
+    if kind == LEADER and s.line[i] == 0:
         n, firm = 0, 0  # it does not care
     x, y, gave = chosen(r.lines, firm, n, want, (own[3], own[4]), w.rules[A_REACH], w.rules[A_SPEED])
-    s.ranks[i, ranked(r.lines, firm, n, want, x, y, gave, speed < free)] += 1
+    rank = ranked(r.lines, firm, n, want, x, y, gave, speed < free)
+    s.ranks[i, rank] += 1
+    s.last[i] = max(s.last[i], rank)
     for a in range(3):
         s.u[i, 2, a], s.u[i, 1, a] = s.u[i, 1, a], s.u[i, 0, a]
     s.u[i, 0, 0], s.u[i, 0, 1] = x, y

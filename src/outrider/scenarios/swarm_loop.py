@@ -27,17 +27,25 @@ from outrider.scenarios.swarm_state import (
     M_ARC,
     M_KIND,
     M_KNOWN,
+    M_LINE,
+    M_SHIFT,
     M_STAMP,
     MEMBER,
     T_AHEAD,
     T_ARC,
     T_EAST,
+    T_GAP,
+    T_KIND,
+    T_LINE,
     T_NORTH,
+    T_OWN,
+    T_RANK,
     T_SPEED,
     T_UP,
     Room,
     Swarm,
     World,
+    in_units_of,
 )
 from outrider.typing import Floats
 
@@ -86,28 +94,30 @@ def estimate(w: World, s: Swarm, r: Room, i: int, noise: Floats) -> None:
 
 @kernel
 def speak(w: World, s: Swarm, i: int, k: int, t: float) -> None:
-    """Where on the trail it is, and the message that it sends now."""
+    """Where on its trail it is, and the message that it sends now."""
+    line = s.line[i]
+    trail, place_now = s.crumbs[line], 0.0
     if s.kind[i] == LEADER:
-        s.arc[i] = along(w.path, w.path.shape[0], s.arc[i], s.X[i, 0], s.X[i, 1])[0]
-        m = s.known[i]
-        if s.arc[i] >= s.dropped[i] + w.how[H_CRUMB] and m < s.crumbs.shape[0]:
-            d = hypot(s.X[i, 0] - s.crumbs[m - 1, 0], s.X[i, 1] - s.crumbs[m - 1, 1])
-            s.crumbs[m, 0], s.crumbs[m, 1], s.crumbs[m, 2] = s.X[i, 0], s.X[i, 1], s.crumbs[m - 1, 2] + d
-            s.known[i] = m + 1
+        path = w.path if line == 0 else w.branch
+        s.arc[i] = along(path, path.shape[0], s.arc[i], s.X[i, 0], s.X[i, 1])[0]
+        m = s.known[i, line]
+        if s.arc[i] >= s.dropped[i] + w.how[H_CRUMB] and m < trail.shape[0]:
+            d = hypot(s.X[i, 0] - trail[m - 1, 0], s.X[i, 1] - trail[m - 1, 1])
+            trail[m, 0], trail[m, 1], trail[m, 2] = s.X[i, 0], s.X[i, 1], trail[m - 1, 2] + d
+            s.known[i, line] = m + 1
             s.dropped[i] = s.arc[i]
-        last = s.crumbs[s.known[i] - 1, 2]
-        place_now = along(s.crumbs, s.known[i], last, s.X[i, 0], s.X[i, 1])[0]
-        s.true_arc[i] = along(s.crumbs, s.known[i], last, s.body[i, X_P], s.body[i, X_P + 1])[0]
+        last = trail[s.known[i, line] - 1, 2]
+        place_now = along(trail, s.known[i, line], last, s.X[i, 0], s.X[i, 1])[0]
+        s.true_arc[i] = along(trail, s.known[i, line], last, s.body[i, X_P], s.body[i, X_P + 1])[0]
     elif s.kind[i] != GOALS:
-        place_now = along(s.crumbs, s.known[i], s.arc[i], s.X[i, 0], s.X[i, 1])[0]
+        place_now = along(trail, s.known[i, line], s.arc[i], s.X[i, 0], s.X[i, 1])[0]
         s.arc[i] = place_now
-        s.true_arc[i] = along(s.crumbs, s.known[i], s.arc[i], s.body[i, X_P], s.body[i, X_P + 1])[0]
-    else:
-        place_now = 0.0
+        s.true_arc[i] = along(trail, s.known[i, line], s.arc[i], s.body[i, X_P], s.body[i, X_P + 1])[0]
     m = s.sent[k % s.sent.shape[0], i]
     for a in range(6):
         m[a] = s.X[i, a]
-    m[M_STAMP], m[M_ARC], m[M_KNOWN], m[M_KIND] = t, place_now, s.known[i], s.kind[i]
+    m[M_STAMP], m[M_ARC], m[M_KIND], m[M_LINE], m[M_SHIFT] = t, place_now, s.kind[i], line, s.shift[i]
+    m[M_KNOWN], m[M_KNOWN + 1] = s.known[i, 0], s.known[i, 1]
     if dead(w, i, t):
         m[M_STAMP] = -inf
         s.mute[i] = min(s.mute[i], t)
@@ -117,19 +127,25 @@ def speak(w: World, s: Swarm, i: int, k: int, t: float) -> None:
 
 @kernel
 def record(s: Swarm, row: Floats) -> None:
-    """Truth, and whom a drone follows: the next one ahead that is in the column, -1 for nobody."""
+    """Truth, the estimate, what decided, and whom a drone follows: the next ahead in the column, -1 for nobody."""
     n = s.X.shape[0]
     for i in range(n):
         row[i, T_EAST], row[i, T_NORTH], row[i, T_UP] = s.body[i, X_P], s.body[i, X_P + 1], s.body[i, X_P + 2]
         row[i, T_SPEED], row[i, T_ARC] = hypot(s.body[i, X_V], s.body[i, X_V + 1]), s.true_arc[i]
-        row[i, T_AHEAD] = -1.0
+        row[i, T_KIND], row[i, T_LINE], row[i, T_RANK] = s.kind[i], s.line[i], s.last[i]
+        s.last[i] = 0
+        for a in range(6):
+            row[i, T_OWN + a] = s.X[i, a]
+        row[i, T_AHEAD], row[i, T_GAP] = -1.0, inf
         if s.kind[i] != MEMBER:
             continue
-        best = inf
+        best, own = inf, s.true_arc[i]
         for j in range(n):
-            if (s.kind[j] == MEMBER or s.kind[j] == LEADER) and s.true_arc[i] < s.true_arc[j] < best and j != i:
-                best = s.true_arc[j]
-                row[i, T_AHEAD] = j
+            if (s.kind[j] == MEMBER or s.kind[j] == LEADER) and j != i:
+                at = in_units_of(s.line[i], own, s.shift[i], s.fork[0], s.line[j], s.true_arc[j], s.shift[j])
+                if own < at < best:
+                    best = at
+                    row[i, T_AHEAD], row[i, T_GAP] = j, at - own
 
 
 @kernel

@@ -1,14 +1,17 @@
 """What the compiled loop of many drones works on, and the places of its numbers."""
 
-from typing import NamedTuple
+from math import inf
+from typing import Final, NamedTuple
 
 from outrider._kernel import inlined
 from outrider.typing import Floats, Ints
 
+BEFORE: Final = 2.0  # m past the fork within which a drone still takes the second trail
 GOALS, LEADER, MEMBER, ASIDE = range(4)  # Swarm.kind: goes to its goals; flies the path; is in the column; has left it
 PROGRESS, SPACING, AVOIDANCE, SAFETY, GAVE_WAY, UNSAFE = range(6)  # columns of Swarm.ranks
-M_STAMP, M_ARC, M_KNOWN, M_KIND, M_SIZE = 6, 7, 8, 9, 10  # of a message, after position and velocity
-T_EAST, T_NORTH, T_UP, T_SPEED, T_ARC, T_AHEAD, T_SIZE = range(7)  # of the recorded track
+M_STAMP, M_ARC, M_KNOWN, M_KIND, M_LINE, M_SHIFT, M_SIZE = 6, 7, 8, 10, 11, 12, 13  # of a message, after p and v
+T_EAST, T_NORTH, T_UP, T_SPEED, T_ARC, T_AHEAD, T_GAP, T_KIND, T_LINE, T_RANK, T_OWN, T_SIZE = (*range(11), 16)
+"""Of the recorded track: truth, whom it follows and how far behind, the highest rank since, its own estimate (6)."""
 H_DT, H_SUB, H_RADIO, H_LOSS, H_LATE, H_FORGET, H_STALE, H_REACH, H_LAYER, H_CRUMB, H_CRUISE, H_NEAR, H_ASIDE, H_WIND, \
     H_GUST, H_GUST_KEEP, H_WALL, H_JUDGED, H_PERIOD, H_WINDOW, H_PASS, H_SIZE = range(22)  # fmt: skip
 
@@ -29,6 +32,9 @@ class World(NamedTuple):
     silent: Floats  # (N, windows, 2) s, from when to when its radio is dead
     kind: Ints  # (N,) what everybody is as long as its radio works
     path: Floats  # (L, 3) of the leader: east, north, arc length
+    branch: Floats  # (B, 3) of who leads the second part, from the path to the path again
+    second: int  # who leads it, -1 for nobody
+    leaves: Floats  # (N,) s, when a drone leaves the column for its goals
     due: Floats  # (steps,) m, arc length where the leader should be
 
 
@@ -50,8 +56,11 @@ class Swarm(NamedTuple):
     arc: Floats  # (N,) m, on the trail; the leader's on its path
     true_arc: Floats  # (N,)
     dropped: Floats  # (N,) m, on its path, where the leader added to the trail last
-    crumbs: Floats  # (C, 3) the trail
-    known: Ints  # (N,) points of it that have reached a drone
+    crumbs: Floats  # (2, C, 3) the trail of the column, and of its second part, which begins as the first does
+    known: Ints  # (N, 2) points of them that have reached a drone
+    line: Ints  # (N,) the trail it follows
+    shift: Floats  # (N,) m, arc on the second trail less arc on the first, of who has merged; else inf
+    fork: Floats  # (1,) m, arc where the second trail leaves the first
     hold: Floats  # (N, 2) m, over which who has left hovers
     mute: Floats  # (N,) s, since when its radio is dead
     rest: Floats  # (N,) s, since when a drone that has left may come back
@@ -59,6 +68,7 @@ class Swarm(NamedTuple):
     when: Floats  # (N,) s
     broken: Ints  # (3,) steps with two nearer than separation, drones in a wall, messages heard
     ranks: Ints  # (N, 6)
+    last: Ints  # (N,) the highest rank that decided since the track was recorded last
 
 
 class Room(NamedTuple):
@@ -72,6 +82,23 @@ class Room(NamedTuple):
     lines: Floats  # (2 S + walls, 3)
     z: Floats  # (3,)
     air: Floats  # (1, 3)
+
+
+@inlined
+def in_units_of(line: int, arc: float, shift: float, fork: float, o_line: int, o_arc: float, o_shift: float) -> float:
+    """Where another is, in the arc length [m] of one's own trail; -inf for who is on a trail that is none of its own.
+
+    Up to the fork both trails are one; who has merged knows by how much they differ.
+    """
+    if line == o_line:
+        return o_arc
+    if line == 0 and shift < inf:
+        return o_arc - shift
+    if line == 0 and arc < fork + BEFORE:
+        return o_arc
+    if line == 1 and o_shift < inf:
+        return o_arc + o_shift
+    return -inf
 
 
 @inlined

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from outrider.scenarios.swarm import DT, GOALS, LEADER, MEMBER, Task
+from outrider.scenarios.swarm import ASIDE, DT, GOALS, LEADER, MEMBER, Task
 from outrider.sim.noise import generator
 from outrider.typing import Floats
 
@@ -117,6 +117,31 @@ def crossed(n: int, seconds: float, seed: int, *, strangers: int = 5) -> Task:
     return replace(
         base, start=first, kind=np.concatenate([base.kind, np.full(strangers, GOALS)]), goals=goals, release=release,
         silent=np.full((n, 1, 2), np.inf),
+    )  # fmt: skip
+
+
+FORK_M, LANE_M, BRANCH_M = 60.0, 20.0, 130.0  # where the second part turns off, how far aside it flies, and how far on
+
+
+def convoy(n: int, seconds: float, seed: int) -> Task:
+    """A column behind a leader: one that waits above the trail joins as the last, two leave to the left, the rear half
+    splits off to the right, flies a lane of its own, and merges behind the front half again; n drones in all.
+
+    The last is the one that joins, n // 2 leads the second part, numbers 2 and n // 2 + 2 leave.
+    """
+    base, second = column(n - 1, seconds, seed), n // 2
+    waits = np.array([[20.0, 3.0, UP + 6.0]])
+    start = np.vstack([base.start, waits])
+    aside = np.array([2, second + 2])
+    goals, leaves = start[:, None].copy(), np.full(n, np.inf)
+    goals[aside, 0] = [[70.0, 30.0, UP + 6.0], [50.0, 30.0, UP + 6.0]]  # over the heads of the others
+    leaves[aside] = 35.0, 38.0
+    x = np.arange(0.0, BRANCH_M + 0.5)
+    bend = 0.25 * BRANCH_M
+    y = -0.5 * LANE_M * (1.0 - np.cos(np.pi * np.clip(np.minimum(x, BRANCH_M - x) / bend, 0.0, 1.0)))
+    return replace(
+        base, start=start, kind=np.append(base.kind, ASIDE), goals=goals, leaves=leaves, second=second,
+        silent=np.full((n, 1, 2), np.inf), branch=np.column_stack([FORK_M + x, y]),
     )  # fmt: skip
 
 

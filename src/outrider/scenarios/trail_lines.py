@@ -7,7 +7,7 @@ of the follower to the path of the target, once it has settled.  swarm2023, fig.
 from dataclasses import dataclass
 from enum import Enum
 from math import exp
-from time import process_time
+from time import perf_counter
 from typing import Final, final
 
 import numpy as np
@@ -44,7 +44,7 @@ class Guide(Enum):
 @final
 @dataclass(frozen=True, slots=True)
 class Flown:
-    """target, own : (n, 3) m;  off : (m,) m from the path, after `SETTLED`;  micros : us a command, of Python."""
+    """target, own : (n, 3) m;  off : (m,) m from the path, after `SETTLED`;  micros : us a command, Python, median."""
 
     target: Floats
     own: Floats
@@ -83,7 +83,7 @@ def fly_trail(
     rng = np.random.default_rng([seed, 1])
     drift = np.array([wind if way is Way.WIND else 0.0, 0.0, 0.0])
     curve = Trail(degree=2 if guide is Guide.CURVE_2 else 3, aim_at=Curve.POINTS)
-    trail, u, v, spent = list[Floats](), np.zeros(3), np.zeros(3), 0.0
+    trail, u, v, spent = list[Floats](), np.zeros(3), np.zeros(3), list[float]()
     p = q[0] + np.array([0.0, -behind, 0.0])
     own = np.empty_like(q)
     every = round(1.0 / STEP)
@@ -92,13 +92,13 @@ def fly_trail(
         if k % every == 0:
             seen, at = q[k] + rng.normal(0.0, sigma, 3), p + rng.normal(0.0, sigma, 3)
             trail = [*trail[1 - KEPT :], seen]
-            begun = process_time()
+            begun = perf_counter()
             u = _command(guide, curve, trail, k * STEP, at, speed)
-            spent += process_time() - begun
+            spent.append(perf_counter() - begun)
         v += (u + drift - v) * (1.0 - exp(-STEP / lag_s))
         p = p + STEP * v
     off = np.array([_beside(q, x) for x in own[round(SETTLED / STEP) :]])
-    return Flown(q, own, off, 1e6 * spent / (len(q) / every))
+    return Flown(q, own, off, 1e6 * float(np.median(spent)))
 
 
 def _command(guide: Guide, curve: Trail, trail: list[Floats], t_s: float, p: Floats, speed: float) -> Floats:

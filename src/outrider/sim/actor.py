@@ -7,8 +7,9 @@ from typing import final
 import numpy as np
 
 from outrider.data import Stream, joined
-from outrider.data.agents import Agent, Message, Planned, arrived
+from outrider.data.agents import Agent, Lander, Message, Planned, arrived
 from outrider.errors import ConfigError
+from outrider.models.vehicles import CLIMB
 from outrider.sim.course import Course
 from outrider.sim.monitor import Hull
 from outrider.sim.noise import generator
@@ -24,7 +25,7 @@ class Actor:
     """A robot of a run. due : ns, when its agent wants to be asked next;  done : whether its mission is over."""
 
     def __init__(self, world: World, robot: Robot, hulls: Mapping[str, Hull], start: int, end: int, seed: int) -> None:
-        self.robot, self.course = robot, Course(world, robot, start, end, seed)
+        self.robot, self.course, self._start = robot, Course(world, robot, start, end, seed), start
         setting = Setting(world=world, robot=robot.name, start=start, end=end, seed=seed, hulls=hulls)
         self._devices = [(s.name, make_device(s, setting, generator(seed, robot.name, s.name))) for s in robot.sensors]
         if len({name for name, _ in self._devices}) != len(self._devices):
@@ -75,6 +76,12 @@ class Actor:
         self.done = action.done
         self.due = now + round(self._agent.period_s * 1e9)
         return action.messages, action.note
+
+    def lands(self, t: int) -> bool:
+        """Whether it comes down on purpose at t [ns]: its agent says so, or its schedule tells it to sink."""
+        if isinstance(self._command, Planned):
+            return float(self._command.plan(np.array([(t - self._start) * 1e-9]))[0, CLIMB]) < 0.0
+        return isinstance(self._agent, Lander) and self._agent.landing
 
     def log(self, until: int, *, prefixed: bool) -> dict[str, Stream]:
         """Everything that was recorded up to `until` [ns], by name."""

@@ -1,16 +1,15 @@
 """A drone and the pad of its carrier during a run: it stands there, takes off, lands, and takes off again."""
 
-from typing import Final, Protocol, final, runtime_checkable
+from typing import Protocol, final, runtime_checkable
 
 import numpy as np
 
 from outrider.core.rotations import quats_to_matrices
 from outrider.errors import ConfigError
-from outrider.models.vehicles import AIR_INPUTS, ROW_P, ROW_Q, ROW_V, Vehicle
+from outrider.models.vehicles import AIR_INPUTS, CLIMB, ROW_P, ROW_Q, ROW_V, Vehicle
 from outrider.models.vehicles.pad import Docking, Pad, carried
 from outrider.typing import Floats
 
-CLIMB: Final = AIR_INPUTS.index("v_up")
 _P, _Q, _V = slice(ROW_P, ROW_P + 3), slice(ROW_Q, ROW_Q + 4), slice(ROW_V, ROW_V + 3)
 
 

@@ -7,7 +7,7 @@ robot from numbers of its own.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from math import lcm
 from typing import final
@@ -25,6 +25,7 @@ from outrider.sim.world import World
 from outrider.typing import Floats
 
 LONGEST = 300_000_000_000  # ns, of one piece
+AGAIN = 1_500_000_000  # ns, within which the same words are one note
 
 
 class Ending(Enum):
@@ -85,7 +86,8 @@ def simulate(
     end = start + _whole(duration_s, team)
     hulls = {r.name: r.hull for r in team}
     actors = {r.name: Actor(world, r, hulls, start, end, seed) for r in team}
-    air, monitor = Air(radio, names, seed, start), Monitor(world, hulls, start)
+    flyers = frozenset(r.name for r in team if r.flies)
+    air, monitor = Air(radio, names, seed, start), Monitor(world, hulls, start, flyers)
     moving = _board(team, actors)
     _check_starts(actors, monitor)
     notes: list[Note] = []
@@ -111,7 +113,7 @@ def simulate(
         pieces = {name: a.course.piece(now, until) for name, a in actors.items()}
         for actor in actors.values():
             actor.sense(pieces)
-        hit, now = _crash(actors) or monitor.look(pieces), until
+        hit, now = _crash(actors) or monitor.look(pieces, lambda name, t: actors[name].lands(t)), until
         if hit is not None:
             ending, now = Ending.COLLISION, hit.t
     return Simulation(
@@ -134,11 +136,29 @@ def _board(team: Sequence[Robot], actors: Mapping[str, Actor]) -> list[Actor]:
 
 
 def _told(notes: list[Note], actors: Mapping[str, Actor], until: int) -> tuple[Note, ...]:
-    """What agents said and what became of drones on pads, in order of time."""
+    """What agents said and what became of drones on pads, in order of time; the same words again are one note."""
     for name, actor in actors.items():
         for row, status in actor.course.deck.events if actor.course.deck is not None else ():
             notes.append(Note(t=int(actor.course.truth.t[row]), robot=name, text=status.value))
-    return tuple(sorted((n for n in notes if n.t <= until), key=lambda n: n.t))
+    said = sorted((n for n in notes if n.t <= until), key=lambda n: n.t)
+    return tuple(sorted((n for name in actors for n in _once([n for n in said if n.robot == name])), key=lambda n: n.t))
+
+
+def _once(notes: list[Note]) -> list[Note]:
+    """Notes of one robot; one that comes again within `AGAIN` is the first one, with how often and for how long."""
+    out: list[Note] = []
+    spell: list[Note] = []
+    for n in [*notes, None]:
+        if n is not None and spell and n.text == spell[-1].text and n.t - spell[-1].t <= AGAIN:
+            spell.append(n)
+            continue
+        if len(spell) > 1:
+            lasted = (spell[-1].t - spell[0].t) * 1e-9
+            out.append(replace(spell[0], text=f"{spell[0].text} ({len(spell)} times within {lasted:.1f} s)"))
+        else:
+            out += spell
+        spell = [] if n is None else [n]
+    return out
 
 
 def _crash(actors: Mapping[str, Actor]) -> Closest | None:

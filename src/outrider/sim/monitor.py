@@ -1,6 +1,7 @@
-"""What the simulator watches over the agents' heads, against truth: collisions, separation, the fence.
+"""What the simulator watches over the agents' heads, against truth: collisions, separation, the fence, the ground.
 
-A robot is an upright cylinder on its body origin. Against the world it is as many balls as its rim needs.
+A robot is an upright cylinder on its body origin. Against the world it is as many balls as its rim needs. The ground
+is what robots stand on: only who flies collides with it, once it is aloft and unless it lands on purpose.
 """
 
 from collections.abc import Callable, Mapping
@@ -20,6 +21,9 @@ K = TypeVar("K")
 LOOKS_HZ = 20.0
 RIM = 12  # balls around a flat hull
 NEAR = 1.0  # m: from here on a hull counts with its shape
+ALOFT = 0.3  # m over the ground: who flies and has been there has taken off
+TOUCH = 0.005  # m over the ground: it touches
+GROUND = "the ground"
 
 
 @final
@@ -51,24 +55,34 @@ class Closest:
     t: int
 
 
+def _nobody(robot: str, t: int) -> bool:
+    return False
+
+
 @final
 @dataclass(slots=True)
 class Monitor:
     """Everything watched in one run; the closest moment is kept of each robot to the world, to
-    each other robot, and to the fence (negative: outside)."""
+    each other robot, and to the fence (negative: outside). flyers : who must not touch the ground in flight."""
 
     world: World
     hulls: Mapping[str, Hull]
     start: int
+    flyers: frozenset[str] = frozenset()
     clearances: dict[str, Closest] = field(default_factory=dict[str, Closest])
     separations: dict[tuple[str, str], Closest] = field(default_factory=dict[tuple[str, str], Closest])
     fences: dict[str, Closest] = field(default_factory=dict[str, Closest])
+    _aloft: set[str] = field(default_factory=set[str])
 
-    def look(self, team: Mapping[str, Truth]) -> Closest | None:
-        """Watch one segment of everybody's truth; the first collision in it, if any."""
+    def look(self, team: Mapping[str, Truth], lands: Callable[[str, int], bool] = _nobody) -> Closest | None:
+        """Watch one segment of everybody's truth; the first collision in it, if any.
+
+        lands : whether a robot comes down on purpose at that time [ns]
+        """
         hits: list[Closest] = []
-        for truth in team.values():
+        for name, truth in team.items():
             hits += self._against_world(truth)
+            hits += self._against_ground(truth, lands) if name in self.flyers else []
             self._against_fence(truth)
         for a, b in combinations(sorted(team), 2):
             hits += self._against_another(team[a], team[b])
@@ -100,6 +114,26 @@ class Monitor:
         for one in closest:
             _keep(self.clearances, truth.robot, one)
         return [one for one in closest if one.distance < 0.0][:1]
+
+    def _against_ground(self, truth: Truth, lands: Callable[[str, int], bool]) -> list[Closest]:
+        """Where who was in the air touches the ground; a landing ends the flight instead."""
+        name, height = truth.robot, truth.p[:, 2] - self.world.ground.height(truth.p)
+        down = height <= TOUCH
+        if name not in self._aloft:
+            up = np.flatnonzero(height > ALOFT)
+            if not up.size:
+                return []
+            self._aloft.add(name)
+            down[: up[0]] = False
+        if not down.any():
+            return []
+        k = int(np.argmax(down))
+        if lands(name, int(truth.t[k])):
+            self._aloft.discard(name)
+            return []
+        hit = Closest(robot=name, what=GROUND, distance=min(float(height[k]), 0.0), t=int(truth.t[k]))
+        _keep(self.clearances, name, hit)
+        return [hit]
 
     def _gaps(self, hull: Hull, centre: Floats, seconds: Floats) -> tuple[Floats, Callable[[int], str]]:
         """(n,) distances of the hull's surface, exact to the gaps between its balls where something is near, and what

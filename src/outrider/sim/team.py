@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import final
 
 from outrider.data.agents import Agent, Planned
-from outrider.models.vehicles import Pad, Vehicle
+from outrider.models.vehicles import AIR_INPUTS, Pad, Vehicle
 from outrider.sim.monitor import Hull
 from outrider.sim.sensors import Plain, Sensor
 from outrider.sim.truth import Drift, Truth
@@ -17,7 +17,8 @@ from outrider.typing import Floats
 class Robot:
     """One member of the team. It is driven by an agent through a vehicle, or carried along a `track`.
 
-    start : east, north, up [m] and heading [rad];  drift : how slow its sensor errors are.
+    start : east, north, up [m] and heading [rad];  drift : how slow its sensor errors are;  aloft : whether the track
+    is one through the air.
     """
 
     name: str = "robot"
@@ -31,6 +32,12 @@ class Robot:
     size: Hull | None = None  # of its vehicle, unless given
     pad: Pad | None = None  # a deck for a drone
     on: str = ""  # the robot on whose pad it starts
+    aloft: bool = False
+
+    @property
+    def flies(self) -> bool:
+        """Whether the ground is something that it must not touch on its way."""
+        return self.aloft if self.vehicle is None else self.vehicle.inputs == AIR_INPUTS
 
     @property
     def hull(self) -> Hull:

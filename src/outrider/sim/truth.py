@@ -3,7 +3,7 @@
 World ENU, body FLU, flat and not rotating: the Earth's rate and its curvature are left out.
 """
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import final
 
 import numpy as np
@@ -53,6 +53,13 @@ class Biases:
         three, one = np.zeros((n, 3)), np.zeros(n)
         return cls(gyro=three, accel=three, gnss=three, baro=one, wheels=one)
 
+    def select(self, keep: Bools | Ints | slice) -> "Biases":
+        """Only the given rows."""
+        return Biases(
+            gyro=self.gyro[keep], accel=self.accel[keep], gnss=self.gnss[keep], baro=self.baro[keep],
+            wheels=self.wheels[keep],
+        )  # fmt: skip
+
 
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,6 +84,10 @@ class Truth:
     gravity: float = STANDARD_GRAVITY
     datum: Datum = SITE
     robot: str = "robot"
+    samples: dict[tuple[float, float], "Truth"] = field(
+        default_factory=dict[tuple[float, float], "Truth"], init=False, repr=False, compare=False
+    )
+    """What sensors of one rate and phase take of it."""
 
     def __len__(self) -> int:
         return int(self.t.size)
@@ -92,9 +103,11 @@ class Truth:
 
     def select(self, keep: Bools | Ints | slice) -> "Truth":
         """The same truth with only the given rows."""
-        bias = Biases(**{f.name: getattr(self.bias, f.name)[keep] for f in fields(Biases)})
-        rows = {name: getattr(self, name)[keep] for name in ("t", "p", "q", "v", "w", "f", "actuators")}
-        return replace(self, bias=bias, **rows)
+        return Truth(
+            t=self.t[keep], p=self.p[keep], q=self.q[keep], v=self.v[keep], w=self.w[keep], f=self.f[keep],
+            bias=self.bias.select(keep), actuators=self.actuators[keep], start=self.start, gravity=self.gravity,
+            datum=self.datum, robot=self.robot,
+        )  # fmt: skip
 
     def at(self, t: Ints) -> "Truth":
         """The truth at other stamps [ns] within its span: cubic in position, SLERP in attitude, linear in the rest."""

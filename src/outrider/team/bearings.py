@@ -10,9 +10,11 @@ import numpy as np
 
 from outrider.data import Datum, Kind, Stream
 from outrider.data.agents import Message
+from outrider.errors import UsageError
 from outrider.filters.channels import site_position
 from outrider.filters.following import Belief, FollowerFilter, Outcome
 from outrider.team.leader import ASK_TIME, FIX, TELL_TIME, TargetFix, stamp, stamped
+from outrider.team.search import GROWS_S
 from outrider.typing import Floats
 
 LATE: Final = 4.5  # s: a target's fix older than that is carried on by its filter
@@ -95,6 +97,7 @@ class Bearings:
     fix_s: float = -inf
     _fixes: deque[tuple[float, Floats]] = field(default_factory=lambda: deque(maxlen=FIXES))
     _there: deque[tuple[float, Floats]] = field(default_factory=lambda: deque(maxlen=FIXES))
+    _last: tuple[Belief, Belief] | None = None
     _delays: deque[float] = field(default_factory=lambda: deque(maxlen=LATEST))
 
     def seconds(self, t: int) -> float:
@@ -141,11 +144,19 @@ class Bearings:
         self._count("target", out)
         if out.good and np.isfinite(fix.v).all():
             self._count("target velocity", self.target.add_velocity(taken, fix.v, fix.v_sigma**2, now=now).outcome)
-        self.jumps = 0 if out.good else self.jumps + (out is Outcome.GATED)
+        self.jumps = 0 if out.good else self.jumps + (out in (Outcome.GATED, Outcome.TOO_FAR))
         if out.good:
             self._delays.append(now - taken)
+            self._last = self.target.belief(taken), self.target.belief(taken + GROWS_S)
         self._there.append((taken, fix.p))
         return out
+
+    @property
+    def last(self) -> tuple[Belief, Belief]:
+        """The target at its newest fix that was believed, and what that is worth `GROWS_S` later; after the first."""
+        if self._last is None:
+            raise UsageError("nothing has been heard of the target", fix="ask `heard_s` first")
+        return self._last
 
     @property
     def delay_s(self) -> float:

@@ -16,42 +16,26 @@ from typing import Any, Final, TypeAlias, final
 import numpy as np
 
 from outrider.core.rotations import matrices_to_quats
-from outrider.data import Datum, Kind, Stream
+from outrider.data import Datum, Stream
 from outrider.data.agents import Message
 from outrider.errors import ConfigError
-from outrider.filters.channels import site_position
 from outrider.filters.cooperative import FALSE_ALARM, Agreement, Member, Method, Source
 from outrider.filters.cooperative.fusion import NO_RECORDS, TEAM, fuse_pair, teammates
 from outrider.filters.cooperative.gossip import Teammate, meet
-from outrider.filters.cooperative.group import look
+from outrider.filters.cooperative.group import look, views
 from outrider.filters.cooperative.insight import agreement, untold
 from outrider.filters.cooperative.ledger import Relative
-from outrider.filters.cooperative.robot import Filter, Records, gates
-from outrider.filters.state import ROWS
+from outrider.filters.cooperative.robot import Filter, gates
 from outrider.models.kinematics import K_P, K_R, K_V, K_W, T_P, T_TH
-from outrider.models.sensors import SensorModel
 from outrider.team.channel import Air, Channel
+from outrider.team.ears import Batch, Ear, merged, rows_of, split
 from outrider.team.exchange import Refusal
 from outrider.team.navigator import Fused
-from outrider.typing import Floats, Ints
+from outrider.typing import Floats
 
 AHEAD: Final = 1.0  # s that an estimate is carried on at most
 PATIENCE: Final = 3.0  # s for which a meeting waits for news of it
-
-
-@final
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Ear:
-    """How a stream of one robot is heard. columns : of its z, first and end;  sigmas : (m,), infinite: not in use;
-    partner : who is seen, by `number` in the first column;  navigation : whether `Method.NONE` has it, too."""
-
-    stream: str
-    sensor: SensorModel
-    sigmas: tuple[float, ...]
-    columns: tuple[int, int] = (0, ROWS)
-    partner: str = ""
-    number: float = -1.0
-    navigation: bool = True
+TICK: Final = 1e-9  # s, of the clock of records
 
 
 @final
@@ -86,13 +70,14 @@ class Crew:
         self.method, self._start, self._datum, self.members, self.ears = method, start, datum, members, ears
         self.names = [m.name for m in members]
         self._ears = {name: [e for e in ears[name] if _heard(method, e)] for name in self.names}
-        self._waiting: dict[str, list[tuple[Floats, int, Floats, Floats]]] = {name: [] for name in self.names}
+        self._waiting: dict[str, list[Batch]] = {name: [] for name in self.names}
         self._until = dict.fromkeys(self.names, 0.0)
         self._number: dict[tuple[str, int], int] = {}
-        self._out: dict[tuple[str, int], list[tuple[float, float, float]]] = {}
+        self._out: dict[tuple[str, int], list[Floats]] = {}
         self.kept = {name: Kept() for name in self.names}
         self.crossed: dict[tuple[str, str], list[Floats]] = {pair: [] for pair in combinations(self.names, 2)}
         self._filters = self._made(members)
+        self._shown: dict[str, tuple[Filter, Floats, Floats, slice]] = {}
         self._air = air
         self._sent = 0
         self._mates: list[Teammate] = []
@@ -127,28 +112,54 @@ class Crew:
         for s in news:
             for k, e in enumerate(self._ears[robot]):
                 if e.stream == s.name and len(s):
-                    self._waiting[robot].append(self._rows(k, e, s))
+                    self._waiting[robot].append(rows_of(k, e, s, self._start, self._datum))
         self._until[robot] = (t - self._start) * 1e-9
         until = min(self._until.values())
         if until > self._filters[0].belief.clock[0]:
             self._advance(until)
 
     def hear_again(self, everything: Mapping[str, Sequence[Stream]], every_s: float, end_s: float) -> None:
-        """A whole recording, by robot, in steps."""
+        """A whole recording, by robot, in steps; in one go where nobody has to be asked in between."""
         for name in self.names:
             self.take(name, self._start, everything[name])
-        for k in range(1, int(end_s / every_s + 1e-9) + 1):
+        steps = [round(k * every_s * 1e9) for k in range(1, int(end_s / every_s + TICK) + 1)]
+        if steps and all((name, k) in self._number for name, own in self._ears.items() for k in range(len(own))):
+            self._whole(np.array(steps) * 1e-9)
+            return
+        for t in steps:
             for name in self.names:
-                self.take(name, self._start + round(k * every_s * 1e9), ())
+                self.take(name, self._start + t, ())
 
-    def _rows(self, k: int, e: Ear, s: Stream) -> tuple[Floats, int, Floats, Floats]:
-        own = s if not e.partner else s.select(s.z[:, 0] == e.number)
-        z = site_position(own, self._datum) if own.kind is Kind.GNSS else own.z[:, e.columns[0] : e.columns[1]]
-        out, r = np.zeros((len(own), ROWS)), np.full((len(own), ROWS), np.inf)
-        out[:, : z.shape[1]], r[:, : len(e.sigmas)] = z, np.array(e.sigmas) ** 2
-        bad = ~np.isfinite(out).all(axis=1)
-        out[bad], r[bad] = 0.0, np.inf
-        return np.asarray((own.t - self._start) * 1e-9, np.float64), k, out, r
+    def _whole(self, at: Floats) -> None:
+        """Fuse everything, as `_advance` does in the steps `at` (k,) s."""
+        self._until = dict.fromkeys(self.names, float(at[-1]))
+        for f in self._filters:
+            alone = [(m.name, b) for m in f.members for b in self._due(m.name, float(at[-1]))]
+            f.feed(merged(alone, self._number, self._ears))
+            f.sample(at)
+            f.run(float(at[-1]))
+            f.x[-1], f.P[-1] = f.belief.x, f.belief.P  # times before the end are sampled by the run
+            self._count(f, self._out)
+        self._shown.clear()
+        views = {name: self._sampled(name) for name in self.names}
+        for i, (name, (pose, rows, f, own)) in enumerate(views.items()):
+            back, P = np.swapaxes(rows, 1, 2), f.P[:, own]
+            kept = self.kept[name]
+            kept.t, kept.pose, kept.P = at.tolist(), list(pose), list(rows @ P[:, :, own] @ back)
+            for other in self.names[:i] if self.method is Method.JOINT else ():
+                _, their_rows, _, theirs = views[other]
+                self.crossed[other, name] = list(their_rows @ f.P[:, theirs, own] @ back)
+
+    def _sampled(self, name: str) -> tuple[Floats, Floats, Filter, slice]:
+        """(k, 4) pose and (k, 4, errors) its rows by the robot's errors at the times that its filter has sampled."""
+        f, _, _, own = self._view(name)
+        i, n = [m.name for m in f.members].index(name), own.stop - own.start
+        k, K = views(f.group, f.belief.u, i, f.x)
+        rows = np.zeros((len(k), 4, n))
+        rows[:, :3] = K[:, T_P : T_P + 3, :n]
+        rows[:, 3] = (k[:, None, K_R + 6 : K_R + 9] @ K[:, T_TH : T_TH + 3, :n])[:, 0]
+        pose = np.column_stack([k[:, K_P : K_P + 3], np.arctan2(k[:, K_R + 3], k[:, K_R])])
+        return pose, rows, f, own
 
     def _advance(self, until: float) -> None:
         """Fuse everything up to `until` [s], in the order of time; what belongs to later waits."""
@@ -160,7 +171,7 @@ class Crew:
                 for t, k, z, r in batch:
                     if (name, k) not in self._number:
                         meetings += [(float(t[i]), name, k, z[i], r[i]) for i in range(t.size)]
-            (f.extend if self._mates else f.feed)(_sorted(alone, self._number, self._ears))
+            (f.extend if self._mates else f.feed)(merged(alone, self._number, self._ears))
         for _, met in groupby(sorted(meetings, key=lambda m: m[:3]), key=lambda m: m[0]):
             (self._tell if self._mates else self._correct)(list(met))
         if self._channel is not None:
@@ -169,8 +180,10 @@ class Crew:
             f.run(until)
             if not self._mates:  # others come back to their records
                 self._count(f, self._out)
+        self._shown.clear()
+        rows = {name: self._pose_rows(name) for name in self.names}
         for name in self.names:
-            self._keep(name, until)
+            self._keep(name, until, rows)
 
     def _tell(self, met: Sequence[Meeting]) -> None:
         """Those who have met pass on what they have heard. met : of one time"""
@@ -199,7 +212,7 @@ class Crew:
                 self._filters[n].run(t)
             if self._through(t, name, e.partner):
                 out = fuse_pair(self.method, self._filters, i, j, int(e.sensor.code), e.sensor.theta(), z, r)
-                self._out.setdefault((name, k), []).append((float(out.verdict), out.nis, out.dof))
+                self._out.setdefault((name, k), []).append(np.array([[float(out.verdict), out.nis, out.dof]]))
 
     def _through(self, t: float, one: str, two: str) -> bool:
         """Whether two robots hear each other's estimate."""
@@ -235,41 +248,38 @@ class Crew:
                          for e in ends for t, m, out in e.mate.events],
         }  # fmt: skip
 
-    def _due(self, name: str, until: float) -> list[tuple[Floats, int, Floats, Floats]]:
-        due: list[tuple[Floats, int, Floats, Floats]] = []
-        later: list[tuple[Floats, int, Floats, Floats]] = []
-        for t, k, z, r in self._waiting[name]:
-            now = t <= until + 1e-9
-            due += [(t[now], k, z[now], r[now])] if now.any() else []
-            later += [] if now.all() else [(t[~now], k, z[~now], r[~now])]
-        self._waiting[name] = later
-        return due
+    def _due(self, name: str, until: float) -> list[Batch]:
+        halves = [split(b, until + TICK) for b in self._waiting[name]]
+        self._waiting[name] = [later for _, later in halves if later.t.size]
+        return [now for now, _ in halves if now.t.size]
 
-    def _count(self, f: Filter, into: dict[tuple[str, int], list[tuple[float, float, float]]]) -> None:
-        back = {(self._number[name, k], name): (name, k) for name, k in self._number}
+    def _count(self, f: Filter, into: dict[tuple[str, int], list[Floats]]) -> None:
+        """What became of the records of a filter, by robot and ear."""
         names = [m.name for m in f.members]
-        for s in np.unique(f.records.source).tolist():
-            name = names[int(f.group.member[s])]
-            rows = f.out[f.records.source == s]
-            into.setdefault(back[s, name], []).extend((float(v), float(n), float(d)) for v, n, d in rows)
+        for (name, k), s in self._number.items():
+            if name in names and (rows := f.out[f.records.source == s]).size:
+                into.setdefault((name, k), []).append(rows)
 
     def _view(self, robot: str) -> tuple[Filter, Floats, Floats, slice]:
-        """Its filter, its kinematic view and Jacobian, and its rows of the filter's errors."""
+        """Its filter, its kinematic view and Jacobian, and its rows of the filter's errors, as of the last step."""
+        if (shown := self._shown.get(robot)) is not None:
+            return shown
         i = self.names.index(robot)
         f, i = (self._filters[0], i) if self.method is Method.JOINT else (self._filters[i], 0)
         look(f.group, f.belief, f.work, i)
         e, n = (int(x) for x in f.group.rows[i, 3:5])
-        return f, f.work.k[i], f.work.K[i], slice(e, e + n)
+        shown = self._shown[robot] = f, f.work.k[i], f.work.K[i], slice(e, e + n)
+        return shown
 
-    def _keep(self, name: str, t: float) -> None:
+    def _keep(self, name: str, t: float, pose_rows: Mapping[str, Floats]) -> None:
         f, k, _, own = self._view(name)
-        kept, rows = self.kept[name], self._pose_rows(name)
+        kept, rows = self.kept[name], pose_rows[name]
         kept.t.append(t)
         kept.pose.append(np.array([*k[K_P : K_P + 3], np.arctan2(k[K_R + 3], k[K_R])]))
         kept.P.append(rows @ f.belief.P[own, own] @ rows.T)
         for other in self.names[: self.names.index(name)] if self.method is Method.JOINT else ():
             theirs = self._view(other)[3]
-            self.crossed[other, name].append(self._pose_rows(other) @ f.belief.P[theirs, own] @ rows.T)
+            self.crossed[other, name].append(pose_rows[other] @ f.belief.P[theirs, own] @ rows.T)
 
     def _pose_rows(self, name: str) -> Floats:
         """(4, errors) east, north, up and heading by the robot's errors."""
@@ -312,12 +322,12 @@ class Crew:
             for r, key in self._seen:
                 found = self._mates[r.observer].outcomes.get(r.key)
                 if found is not None:
-                    told.setdefault(key, []).append((float(found.verdict), found.nis, found.dof))
+                    told.setdefault(key, []).append(np.array([[float(found.verdict), found.nis, found.dof]]))
         out: list[Agreement] = []
         for (name, k), rows in sorted(told.items()):
             e = self._ears[name][k]
             what = f"{e.stream} {type(e.sensor).__name__}" if not e.partner else e.stream
-            out.append(agreement(name, what, e.partner, np.array(rows)))
+            out.append(agreement(name, what, e.partner, np.concatenate(rows)))
         return out
 
     def unobserved(self) -> list[str]:
@@ -328,19 +338,3 @@ class Crew:
 
 def _heard(method: Method, e: Ear) -> bool:
     return (method.shares or not e.partner) and (e.navigation or method is not Method.NONE)
-
-
-def _sorted(
-    batches: Sequence[tuple[str, tuple[Floats, int, Floats, Floats]]],
-    number: Mapping[tuple[str, int], int],
-    ears: Mapping[str, Sequence[Ear]],
-) -> Records:
-    """All rows by time, at one time relative ones last."""
-    if not batches:
-        return NO_RECORDS
-    t = np.concatenate([b[0] for _, b in batches])
-    source: Ints = np.repeat([number[name, b[1]] for name, b in batches], [b[0].size for _, b in batches])
-    last = np.repeat([bool(ears[name][b[1]].partner) for name, b in batches], [b[0].size for _, b in batches])
-    order = np.lexsort((source, last, t))
-    z, r = (np.vstack([b[c] for _, b in batches])[order] for c in (2, 3))
-    return Records(t=t[order], source=source[order].astype(np.int64), z=z, r=r)

@@ -17,6 +17,7 @@ from outrider.errors import ConfigError
 from outrider.filters.channels import site_position
 from outrider.team.follow import TURN
 from outrider.team.navigator import Navigator
+from outrider.team.tour import GROUNDED
 from outrider.typing import Floats
 
 FIX: Final = "fix"
@@ -178,6 +179,14 @@ class Leader:
         command = np.array([*v, float(np.clip(TURN * off, -self.turn, self.turn))])
         note = f"waypoint {self.way.next} of {len(self.legs.waypoints)} reached" if self.way.next > before else ""
         return Action(command=command, messages=said, records=(self.navigator.record(here),), note=note)
+
+    @property
+    def landing(self) -> bool:
+        """Whether it flies down to the ground: to a waypoint on it."""
+        heights = self.legs.waypoints[:, 2]
+        if self.navigator is not None:
+            heights = heights[[min(self.way.next, len(heights) - 1)]]
+        return bool((heights <= GROUNDED).any())
 
     def _fixes(self, t: int, records: Sequence[Stream]) -> list[Message]:
         out: list[Message] = []

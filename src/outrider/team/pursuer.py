@@ -23,13 +23,16 @@ from outrider.guidance.pursuit import Pursuit, pursued
 from outrider.guidance.rendezvous import Rendezvous, Senses, Signal, Stage, Why, Zones, advance
 from outrider.safety.admissible import EASE, Fixes, adapted, least_set_point
 from outrider.safety.separation import Hold, Separation, kept_apart
+from outrider.safety.shortfall import Lack, lacking
 from outrider.team.bearings import Bearings, Known
 from outrider.team.follow import TURN, within
+from outrider.team.search import CredibleTrack, credible_track
 from outrider.team.trail import Trail
 from outrider.typing import Floats
 
 SHY: Final = (Stage.WAIT, Stage.HOLD, Stage.HOME)
 CLIMBS: Final = 0.5  # 1/s: rate of climb by what is missing of the height, of laws that are level
+SAID: Final = (Outcome.REACQUIRED, Outcome.TOO_FAR, Outcome.FUTURE)
 OUTRUN: Final = 0.9  # share of its speed below which a target that was too fast can be followed again
 
 
@@ -97,8 +100,8 @@ class Style:
     """How it flies. far, near : laws outside and inside the rendezvous zone;  speed, far_speed : m/s, at most, inside
     and outside;  target_speed : m/s, that of the target where it is given instead of estimated;  gain : 1/s and brake :
     m/s^2 of the vector law;  turn : rad/s at most;  command_s : s between two commands;  latency_s : from a command to
-    its effect;  floor : m over the site's origin below which it does not sink, whatever backs off, but where it
-    started."""
+    its effect;  climb, sink : m/s, what its vehicle can at most;  floor : m over the site's origin below which it does
+    not sink, whatever backs off, but where it started."""
 
     far: Law = Law.VECTOR
     near: Law = Law.VECTOR
@@ -110,19 +113,23 @@ class Style:
     turn: float = 1.0
     command_s: float = 0.1
     latency_s: float = 0.0
+    climb: float = inf
+    sink: float = inf
     floor: float = 2.0
 
 
 @final
 @dataclass(slots=True)
 class Flown:
-    """What it did, once a period. t : ns;  rows of distance as estimated, set-point [m], stage, what safety did."""
+    """What it did, once a period. t : ns;  rows of distance as estimated, set-point [m], stage, what safety did; and
+    how many times nothing could be guaranteed for which reason."""
 
     t: list[int] = field(default_factory=list[int])
     distance: list[float] = field(default_factory=list[float])
     set_point: list[float] = field(default_factory=list[float])
     stage: list[Stage] = field(default_factory=list[Stage])
     hold: list[Hold] = field(default_factory=list[Hold])
+    lack: Counter[Lack] = field(default_factory=lambda: Counter[Lack]())
 
 
 @final
@@ -201,12 +208,15 @@ class Pursuer:
             self._command, hold = want, Hold.FREE
         else:
             acts = self.bearings.here(t, self.style.latency_s) or here
-            P = acts.P + there.P
-            kept, hold = kept_apart(want, acts.x, there.x, self.separation, P=P, age_s=there.age)
-            if self.mission.stage is Stage.SEARCH and hold is not Hold.FREE and hold is not Hold.LIMITED:
-                kept = np.zeros(3)  # it could be anywhere: nowhere is better than here
+            lost = self.bearings.heard_s(t) > self.zones.lost_s
+            x, spread = self._track(t).nearest(acts.p) if lost else (there.x, there.P)
+            age = 0.0 if lost else there.age
+            kept, hold = kept_apart(want, acts.x, x, self.separation, P=acts.P + spread, age_s=age)
+            if hold is Hold.CANNOT_HOLD:
+                self.flown.lack[lacking(acts.x, x, self.separation, acts.P + spread, age)] += 1
             kept[2] = max(kept[2], CLIMBS * (min(self.style.floor, self.home[2]) - acts.p[2]))
             self._command = kept - self.bearings.wind(t)  # told so, it flies as it should
+        self._command[2] = min(max(self._command[2], -self.style.sink), self.style.climb)
         f = self.flown
         f.t.append(t)
         f.distance.append(float(np.linalg.norm(there.now - here.p)))
@@ -222,11 +232,17 @@ class Pursuer:
         if stage is Stage.RETURN:
             return within(style.gain * (self.home - here.p), style.speed)
         if stage is Stage.SEARCH:
-            return self._circle(here, there, goal)
+            track = self._track(t)
+            return track.over(here.p, track.above(self.separation, goal, here.P), style.gain, style.far_speed)
         far = stage is Stage.LOCALISE
         return self._by_law(
             style.far if far else style.near, here, there, goal, style.far_speed if far else style.speed
         )
+
+    def _track(self, t: int) -> CredibleTrack:
+        """Where a silent target may be."""
+        stops_s = self.separation.other_lag_s if self.separation else 0.0
+        return credible_track(*self.bearings.last, self.bearings.seconds(t), self.style.far_speed, stops_s)
 
     def _by_law(self, law: Law, here: Known, there: Known, goal: float, speed: float) -> Floats:
         style = self.style
@@ -242,16 +258,6 @@ class Pursuer:
         line_of_sight(np.ascontiguousarray(here.p), np.ascontiguousarray(q if at is None else at), speed, out)
         out[2] = float(np.clip(CLIMBS * (q[2] - here.p[2]), -1.0, 1.0))
         return out
-
-    def _circle(self, here: Known, there: Known, goal: float) -> Floats:
-        """(3,) m/s around where the target should be, at the distance that is kept."""
-        away = here.p - there.now
-        flat = max(hypot(away[0], away[1]), 1e-6)
-        radial = np.array([away[0], away[1], 0.0]) / flat
-        level = np.array([-radial[1], radial[0], 0.0])
-        climb = np.array([0.0, 0.0, -CLIMBS * away[2]])
-        speed = self.style.speed
-        return within(0.5 * speed * level + within(self.style.gain * (goal - flat) * radial + climb, speed), speed)
 
     def _turn(self, records: Sequence[Stream]) -> float:
         """rad/s: the nose goes where it flies."""
@@ -279,5 +285,5 @@ class Pursuer:
         if m.signal is not before.signal:
             self.blocked += m.signal is Signal.BLOCKED
             said.append(m.signal.value)
-        said += [f"the target's fix: {o.value}" for o in heard if o in (Outcome.REACQUIRED, Outcome.FUTURE)]
+        said += [f"the target's fix: {o.value}" for o in heard if o in SAID]
         return "; ".join(said)

@@ -1,7 +1,7 @@
 """An agent that visits waypoints one after the other, on its own estimate. It plans nothing and avoids nothing."""
 
 from collections.abc import Sequence
-from typing import final
+from typing import Final, final
 
 import numpy as np
 
@@ -11,6 +11,8 @@ from outrider.data.agents import Action, Message
 from outrider.errors import ConfigError
 from outrider.team.navigator import Fused, Navigator
 from outrider.typing import Floats
+
+GROUNDED: Final = 0.1  # m up, at most: a waypoint on the ground
 
 
 @final
@@ -45,6 +47,11 @@ class Tour:
         done = self._next >= len(self._waypoints)
         command = np.zeros(4 if self._flies else 3) if done else self._towards(here)
         return Action(command=command, records=(self.navigator.record(here),), done=done, note=note)
+
+    @property
+    def landing(self) -> bool:
+        """Whether it flies down to the ground: to a waypoint on it."""
+        return self._flies and float(self._waypoints[min(self._next, len(self._waypoints) - 1), 2]) <= GROUNDED
 
     def _advance(self, here: Fused) -> str:
         gap = self._waypoints[min(self._next, len(self._waypoints) - 1)] - here.p

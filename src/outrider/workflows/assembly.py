@@ -76,8 +76,8 @@ def strapdown(d: Draft, slow: float) -> Vehicle:
     gyro, accel = sampling_noise(d.passed(next(c.stream for c in d.channels if c.sensor is None)))
     ins = replace(
         usual,
-        gyro_noise=max(usual.gyro_noise, gyro),
-        accel_noise=max(usual.accel_noise, accel),
+        gyro_noise=d.cfg.strapdown.gyro_noise or max(usual.gyro_noise, gyro),
+        accel_noise=d.cfg.strapdown.accel_noise or max(usual.accel_noise, accel),
         gnss_bias=slow,
         gnss_bias_up=1.5 * slow,
         gravity=gravity(d.datum.lat, d.datum.alt) if d.datum else STANDARD_GRAVITY,
@@ -88,7 +88,8 @@ def strapdown(d: Draft, slow: float) -> Vehicle:
 
 def omnidirectional(d: Draft, slow: float) -> Vehicle:
     """robot_localization's fifteen states."""
-    theta = OmnidirectionalBody().theta()
+    told = d.cfg.process_noise
+    theta = (OmnidirectionalBody() if told is None else OmnidirectionalBody(process_noise=told)).theta()
     return theta, theta, {}
 
 

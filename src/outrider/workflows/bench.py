@@ -5,6 +5,7 @@ are due to the parameters alone.
 """
 
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import Final, final
 
@@ -18,14 +19,16 @@ from outrider.filters.engine import Events, Filter, Track, queue, run_batch
 from outrider.filters.step import OUT_DOF, OUT_NIS, OUT_S, OUT_Y, ROWS
 from outrider.models.motion import Motion
 from outrider.models.sensors import Sensor
-from outrider.models.sensors.layout import LEVER
+from outrider.models.sensors.layout import LEVER, OWN
 from outrider.typing import Floats, Ints
 from outrider.workflows.config import FuseConfig
 from outrider.workflows.discover import plan
 from outrider.workflows.draft import first_stamp
-from outrider.workflows.parameters import Parameter, What
+from outrider.workflows.parameters import Noise, Parameter, What
 
 PLACES: Final = frozenset({Sensor.GNSS_POSITION, Sensor.POSITION})
+SPREAD: Final = frozenset({Sensor.ACKERMANN, Sensor.WHEELS_DIFFERENTIAL})
+"""Whose turn rate is their speed over a length, the first of their own parameters."""
 FIXED: Final = 1e-6  # deviation of a state that a parameter stands for
 SCALE_WALK: Final = 7  # of theta of a planar robot
 TRUSTING: Final = {"lateral": (1, 0.02), "heading_walk": (4, 2e-3), "position_walk": (5, 2e-3)}
@@ -62,6 +65,19 @@ class Bench:
         self.parts = [records(c, self.log.streams[c.stream], verdicts[c.stream], chosen.datum) for c in self.channels]
         self._spread = {**chosen.spread, **({"wheel_scale": FIXED} if frozen else {})}
         self.aligned = self.align({})
+
+    def noisy(self, factors: Mapping[Noise, float]) -> "Bench":
+        """The same log and start with standard deviations multiplied."""
+        theta, streams = self.filter.theta.copy(), {n.name: f for n, f in factors.items() if n.row is None}
+        for n, factor in factors.items():
+            if n.row is not None:
+                theta[n.row] *= factor
+        coasting = theta if self.motion is Motion.PLANAR else self.filter.coasting
+        out = copy(self)
+        out.filter = replace(self.filter, theta=theta, coasting=coasting)
+        squares = [streams.get(c.stream, 1.0) ** 2 for c in self.channels]
+        out.parts = [replace(p, r=k * p.r) if k != 1.0 else p for p, k in zip(self.parts, squares, strict=True)]
+        return out
 
     @property
     def channels(self) -> tuple[Channel, ...]:
@@ -125,23 +141,29 @@ def blank(n: int) -> Innovations:
 
 
 def ungated(f: Filter, cfg: FuseConfig, *, frozen: bool) -> Filter:
-    """No gates and no resets; a planar robot believes its wheels and gyro, and holds its wheel scale if asked for."""
+    """No gates and no resets; a frozen planar robot believes its wheels and gyro, and holds its wheel scale."""
     channels = tuple(replace(c, probability=1.0, reset=(0, 0)) for c in f.channels)
     theta = f.theta.copy()
-    if f.motion is Motion.PLANAR:
+    if frozen and f.motion is Motion.PLANAR:
+        theta[SCALE_WALK] = 0.0
         for name, (row, value) in TRUSTING.items():
             theta[row] = value if getattr(cfg.planar, name) is None else theta[row]
-        theta[SCALE_WALK] = 0.0 if frozen else theta[SCALE_WALK]
     return replace(f, channels=channels, theta=theta, coasting=theta if f.motion is Motion.PLANAR else f.coasting)
 
 
 def moved(c: Channel, values: Mapping[Parameter, float]) -> Channel:
-    """The channel with its lever arm shifted."""
+    """The channel with its lever arm shifted, and its wheels apart so that they turn as before at another speed, or as
+    the gyro at another turn rate."""
     theta = c.theta
     for p, v in values.items():
-        if p.moves and c.stream in p.streams:
+        if c.stream not in p.streams:
+            continue
+        if p.moves:
             theta = theta.copy()
             theta[LEVER + p.axis] += v
+        elif p.what in (What.SPEED, What.RATE) and c.sensor in SPREAD:
+            theta = theta.copy()
+            theta[OWN] *= 1.0 + v if p.what is What.SPEED else 1.0 / (1.0 + v)
     return replace(c, theta=theta) if theta is not c.theta else c
 
 

@@ -23,7 +23,19 @@ Positive = Annotated[Number, Field(gt=0, le=1e6)]
 Walk = Annotated[Number, Field(ge=0, le=1e6)]
 Deviation = Annotated[Number, Field(ge=1e-9, le=1e9)]
 Gain = Annotated[Number, Field(ge=-1e4, le=1e4), AfterValidator(_no_zero)]
+Gained = Annotated[Number, Field(ge=-1e3, le=1e3)]
 Second = Annotated[Number, Field(ge=-1e9, le=1e9)]
+
+
+Strength = Annotated[Number, Field(ge=-1e9, le=1e9)]
+Nine = tuple[Gained, Gained, Gained, Gained, Gained, Gained, Gained, Gained, Gained]
+
+
+def _regular(m: Nine) -> Nine:
+    a, b, c, d, e, f, g, h, i = m
+    if abs(a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)) < 1e-6:
+        raise ValueError("leaves no direction of the field (write a matrix near 1 0 0, 0 1 0, 0 0 1)")
+    return m
 
 
 def _forward(window: tuple[float, float]) -> tuple[float, float]:
@@ -64,6 +76,8 @@ class SourceSection(Section):
     use: Literal["auto", "fuse", "score", "ignore"] = "auto"
     sigma: Deviation | tuple[Deviation, ...] | None = None
     """Standard deviation per row of the measurement (SI), instead of what the log states and of our defaults."""
+    rows: Annotated[str, Field(pattern=r"^[01]{1,7}$")] | None = None
+    """Which of its columns count, one digit each, e.g. "110001" of a TWIST or an IMU; those that the vehicle knows."""
     scale: Annotated[Number, Field(ge=1e-3, le=1e3)] = 1.0
     """Multiplies every standard deviation of this source."""
     gate: Annotated[Number, Field(gt=0.5, le=1.0)] = 0.999
@@ -78,10 +92,18 @@ class SourceSection(Section):
     """Multiplies the accelerations of an IMU: 9.80665 makes m/s^2 of g, -1 for one that tells gravity's pull."""
     speed_gain: Gain = 1.0
     """Multiplies speeds (TWIST, WHEELS, ACKERMANN): 0.277778 makes m/s of km/h."""
+    range_gain: Gain = 1.0
+    """Multiplies ranges to beacons (RANGE, RANGE_BEARING): 0.935 for a radio that reads 7 % long."""
     track_m: Positive | None = None
     """Distance between left and right wheels (WHEELS)."""
     wheel_base_m: Positive | None = None
     """Distance between axles (ACKERMANN)."""
+    steering_zero_deg: Angle = 0.0
+    """What an ACKERMANN source tells when the robot drives straight on: taken off."""
+    hard_iron: tuple[Strength, Strength, Strength] = (0.0, 0.0, 0.0)
+    """Taken off the records of a magnetometer (MAG), in its axes and its unit."""
+    soft_iron: Annotated[Nine, AfterValidator(_regular)] = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+    """Multiplies them then: a 3 x 3 matrix, row by row."""
     mecanum_xy_m: tuple[Positive, Positive] | None = None
     """Half length and half width of a mecanum base (WHEELS with four columns)."""
 
@@ -138,6 +160,15 @@ class PlanarSection(Section):
     position_walk: Walk | None = None
 
 
+class StrapdownSection(Section):
+    """Overrides of `StrapdownIns`, by its field names."""
+
+    gyro_noise: Positive | None = None
+    """rad/s per sqrt(Hz), with what vibration adds."""
+    accel_noise: Positive | None = None
+    """m/s^2 per sqrt(Hz), with what vibration adds."""
+
+
 class FuseConfig(Section):
     """Everything `outrider fuse` can be told."""
 
@@ -155,6 +186,9 @@ class FuseConfig(Section):
     team: TeamSection | None = None
     """Of a recording of several robots: fuse them together."""
     planar: PlanarSection = PlanarSection()
+    process_noise: Annotated[tuple[Walk, ...], Field(min_length=15, max_length=15)] | None = None
+    """Of an omnidirectional vehicle: variances per second of its fifteen states, in robot_localization's order."""
+    strapdown: StrapdownSection = StrapdownSection()
     diagnose: Flag = True
     """Find mounts, units, senses and clock offsets that nobody gave from the log itself, and use them."""
     output_period_s: Annotated[Number, Field(ge=1e-3, le=3600)] = 0.05

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from outrider.data import Datum, EventLog, Fix, Kind, Stream, Verdict
+from outrider.data import REASONS, Datum, EventLog, Fix, Kind, Stream, Verdict
 from outrider.errors import ConfigError, DataError
 from outrider.filters.channels import site_position
 from outrider.filters.screen import FIX_CODES, Memory, bad_stamps, motion_stamps, screen, stuck, turn_rate
@@ -16,13 +16,14 @@ from outrider.models.motion import Motion
 from outrider.typing import Bools, Ints
 from outrider.workflows.assembly import assemble
 from outrider.workflows.clocks import note_stamps
-from outrider.workflows.config import FuseConfig
+from outrider.workflows.config import FuseConfig, SourceSection
 from outrider.workflows.draft import Draft, Plan, first_stamp
 from outrider.workflows.rules import RULES, unused
 
 WHEELED: Final = frozenset({Kind.TWIST, Kind.WHEELS, Kind.ACKERMANN})
 GAINS: Final = {
     Kind.IMU: ("rate",) * 3 + ("force",) * 3, Kind.TWIST: ("speed",) * 3 + ("rate",) * 3,
+    Kind.RANGE: ("id", "range"), Kind.RANGE_BEARING: ("id", "range", "angle"),
     Kind.WHEELS: ("speed",), Kind.ACKERMANN: ("speed", "angle"),
 }  # fmt: skip
 FAR: Final = 50_000.0  # m from the datum: its up is by then half a degree off the local one
@@ -96,8 +97,9 @@ def check_draft(d: Draft) -> None:
         if off:
             text = f"nothing is left to fuse: {', '.join(off)} switched off or only scored"
             raise ConfigError(text, where="sources", fix="leave one that gives motion or position on `auto`")
+        refused = "; ".join(why for s in d.log if (why := all_refused(d, s)))
         raise DataError(
-            "nothing in this log can be fused",
+            "nothing in this log can be fused" + (f": {refused}" if refused else ""),
             where=d.log.path,
             fix="it needs wheel odometry, an IMU, GNSS or another position; `outrider sources` lists what was found",
         )
@@ -112,6 +114,16 @@ def check_draft(d: Draft) -> None:
     for frame in sorted(set(d.cfg.mounts) - frames):
         known = ", ".join(sorted(frames - {""})) or "none"
         d.note("warning", "mount-unused", f"no source has the frame '{frame}'", fix=f"the frames are {known}")
+
+
+def all_refused(d: Draft, s: Stream) -> str:
+    """Why none of a source's records passes, by what most of them lack; nothing where one does."""
+    verdicts = d.verdicts[s.name]
+    if not len(s) or (verdicts == Verdict.USED).any():
+        return ""
+    kinds, counts = np.unique(verdicts, return_counts=True)
+    most = int(np.argmax(counts))
+    return f"{s.name}: {counts[most]} of {len(s)} records refused: {REASONS[Verdict(int(kinds[most]))]}"
 
 
 def check_withheld(d: Draft) -> None:
@@ -140,15 +152,31 @@ def refuse_stuck_wheels(log: EventLog, verdicts: Mapping[str, Ints]) -> None:
 
 
 def scaled(s: Stream, cfg: FuseConfig) -> Stream:
-    """The stream with its columns multiplied by the configured gains, its stated variances by their squares."""
+    """The stream with its columns multiplied by the configured gains, its stated variances by their squares, without
+    its iron and without the zero of its steering."""
     section = cfg.sources.get(s.name)
-    if section is None or s.kind not in GAINS:
+    if section is None:
         return s
-    told = {"rate": section.rate_gain, "force": section.force_gain, "speed": section.speed_gain}
+    if s.kind is Kind.MAG:
+        return without_iron(s, section)
+    if s.kind not in GAINS:
+        return s
+    told = {
+        "rate": section.rate_gain, "force": section.force_gain, "speed": section.speed_gain,
+        "range": section.range_gain,
+    }  # fmt: skip
     gains = np.array([told.get(what, 1.0) for what in GAINS[s.kind]])
     if len(gains) != s.z.shape[1]:
         gains = np.full(s.z.shape[1], gains[0])
-    return s if (gains == 1.0).all() else replace(s, z=s.z * gains, var=s.var * gains**2)
+    zero = np.radians(section.steering_zero_deg) if s.kind is Kind.ACKERMANN else 0.0
+    z = s.z - [0.0, zero] if zero else s.z
+    return s if (gains == 1.0).all() and not zero else replace(s, z=z * gains, var=s.var * gains**2)
+
+
+def without_iron(s: Stream, section: SourceSection) -> Stream:
+    """A magnetometer's records z as S (z - b), b the hard iron and S the soft iron's correction."""
+    b, S = np.array(section.hard_iron), np.reshape(section.soft_iron, (3, 3))
+    return s if not b.any() and (np.eye(3) == S).all() else replace(s, z=(s.z - b) @ S.T, var=s.var @ (S.T**2))
 
 
 def delayed(s: Stream, cfg: FuseConfig) -> Stream:

@@ -2,11 +2,11 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import final
+from typing import Final, final
 
 import numpy as np
 
-from outrider.data import Datum, EventLog, Finding, Stream, Verdict
+from outrider.data import Datum, EventLog, Finding, Kind, Stream, Verdict
 from outrider.errors import ConfigError
 from outrider.filters.channels import Channel, default_sigma
 from outrider.filters.engine import Filter
@@ -98,6 +98,11 @@ class Draft:
     ) -> None:
         """Add a channel for a stream; `rows` has 1 for each row that is used, the rest is as in `Channel`."""
         section = self.section(s)
+        if section.rows is not None and sensor is not None:
+            rows = known_rows(section.rows, s, sensor, rows, self.motion)
+            if "1" not in rows:
+                self.roles.setdefault(s.name, "not used: all its rows are switched off")
+                return
         usual = default_sigma(sensor)[: len(rows)] if sensor is not None else np.ones(len(rows))
         given = None if still else given_sigma(section, s.name, len(rows))  # standing still is no reading
         if section.use == "score":
@@ -132,6 +137,18 @@ class Draft:
     def note(self, severity: str, code: str, text: str, source: str = "", fix: str = "") -> None:
         """Something the user should know."""
         self.findings.append(Finding(severity=severity, code=code, text=text, source=source, fix=fix))
+
+
+KNOWN: Final = {Sensor.TWIST: "110001", Sensor.GYRO: "001", Sensor.POSE: "110001", Sensor.POSITION: "110"}  # in a plane
+
+
+def known_rows(asked: str, s: Stream, sensor: Sensor, usual: str, motion: Motion) -> str:
+    """Rows of a sensor that a configuration asks for, of those that the vehicle knows anything about."""
+    of = asked[3:] if s.kind is Kind.IMU and sensor is Sensor.SPECIFIC_FORCE else asked
+    if sensor is Sensor.YAW_OF_ATTITUDE:
+        of = asked[2:]
+    known = KNOWN.get(sensor, usual) if motion is Motion.PLANAR else "1" * len(usual)
+    return "".join("1" if a == k == "1" else "0" for a, k in zip(of.ljust(len(usual), "0"), known, strict=False))
 
 
 def first_stamp(of: Plan | Draft) -> int:

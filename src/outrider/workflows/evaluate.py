@@ -11,7 +11,7 @@ from outrider.core.attitudes import matrices_to_quats, quats_multiply
 from outrider.core.geodesy import enu_to_geodetic, geodetic_to_enu, rotation_enu_ecef
 from outrider.data import Datum, Trajectory
 from outrider.errors import UsageError
-from outrider.eval import Alignment, Association, Comparison, Span, Test, average_test, compare_pairs, pairs_of
+from outrider.eval import Alignment, Association, Comparison, Span, Test, average_test, causes, compare_pairs, pairs_of
 from outrider.eval.associate import MAX_GAP_S
 from outrider.eval.spans import USUAL_SPAN
 from outrider.io import folders
@@ -56,7 +56,7 @@ def alignment_named(name: str) -> Alignment:
 class FileComparison:
     """A comparison with what was compared, on the estimate's datum.
 
-    nis : innovations of a run's folder against chi-square bounds, by source.
+    nis : innovations of a run's folder against chi-square bounds, by source;  causes : what may explain a large error.
     """
 
     estimate: Trajectory
@@ -64,6 +64,7 @@ class FileComparison:
     pairs: Association
     errors: Comparison
     nis: Mapping[str, Test] = field(default_factory=dict[str, Test])
+    causes: tuple[str, ...] = ()
 
     @property
     def flat(self) -> bool:
@@ -77,7 +78,13 @@ class FileComparison:
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
         nis = {name: asdict(test) for name, test in self.nis.items()}
-        return {**self.errors.as_dict(), "estimate": self.estimate.name, "reference": self.reference.name, "nis": nis}
+        return {
+            **self.errors.as_dict(),
+            "estimate": self.estimate.name,
+            "reference": self.reference.name,
+            "nis": nis,
+            "causes": list(self.causes),
+        }
 
 
 @final
@@ -135,7 +142,10 @@ def compare_trajectories(estimate: Trajectory, reference: Trajectory, rules: Rul
         reference = at_datum(reference, estimate.datum)
     pairs = pairs_of(estimate, reference, max_gap_s=rules.max_gap_s, nearest_s=rules.nearest_s)
     errors, pairs = compare_pairs(pairs, rules.alignment, rules.span)
-    return FileComparison(estimate=estimate, reference=reference, pairs=pairs, errors=errors)
+    whole = estimate if rules.alignment is Alignment.NONE else pairs.estimate
+    return FileComparison(
+        estimate=estimate, reference=reference, pairs=pairs, errors=errors, causes=causes(pairs, whole)
+    )  # fmt: skip
 
 
 def at_datum(of: Trajectory, datum: Datum) -> Trajectory:

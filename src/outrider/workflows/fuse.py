@@ -38,19 +38,27 @@ from outrider.workflows.config import FuseConfig
 from outrider.workflows.discover import Plan, plan
 from outrider.workflows.doctor import prescribed
 from outrider.workflows.draft import first_stamp
+from outrider.workflows.evidence import with_evidence
 from outrider.workflows.findings import in_order_of_harm, judge
 
 Progress = Callable[[str, float], None]
 THROUGHOUT: Final = 0.99  # share of the time; a second or two go by before a heading shows
 
 
-def fuse(log: EventLog, config: FuseConfig | None = None, *, progress: Progress | None = None) -> Run:
+def fuse(
+    log: EventLog,
+    config: FuseConfig | None = None,
+    *,
+    remarks: tuple[Finding, ...] = (),
+    progress: Progress | None = None,
+) -> Run:
     """Fuse a log into a trajectory with honest uncertainty, and say what is wrong with the data.
 
     Parameters
     ----------
     log : as `outrider.io.registry.read_log` gives it; never modified
     config : what the log cannot tell; the defaults suit every log
+    remarks : findings of whoever made the configuration, told and counted with those of the run
     progress : called with (what is being done, share done)
 
     Raises
@@ -60,12 +68,12 @@ def fuse(log: EventLog, config: FuseConfig | None = None, *, progress: Progress 
     """
     began = time.perf_counter()
     with compiling() as compiled:
-        run = estimate(log, config if config is not None else FuseConfig(), progress)
+        run = estimate(log, config if config is not None else FuseConfig(), remarks, progress)
     took = compiled()
     return replace(run, wall_seconds=time.perf_counter() - began - took, compile_seconds=took)
 
 
-def estimate(log: EventLog, cfg: FuseConfig, progress: Progress | None) -> Run:
+def estimate(log: EventLog, cfg: FuseConfig, told: tuple[Finding, ...], progress: Progress | None) -> Run:
     """The job itself, see `fuse`."""
     cfg, remarks = prescribed(log, cfg)
     chosen = plan(log, cfg)
@@ -105,7 +113,8 @@ def estimate(log: EventLog, cfg: FuseConfig, progress: Progress | None) -> Run:
             if t.states and not c.scored
         },
     )
-    findings = in_order_of_harm((*remarks, *judge(run, chosen, aligned), *log_notes(log)))
+    findings = in_order_of_harm((*told, *remarks, *judge(run, chosen, aligned), *log_notes(log)))
+    findings = with_evidence(findings, log, chosen, run)
     return replace(run, findings=findings, outcome=outcome(run, findings, aligned, chosen))
 
 
@@ -248,8 +257,10 @@ def outcome(run: Run, findings: tuple[Finding, ...], aligned: Alignment, chosen:
         return Outcome.DIVERGED
     if chosen.datum is not None and not aligned.heading_known and "heading-unobservable" in {f.code for f in findings}:
         return Outcome.NEVER_ALIGNED
-    if any(f.code == "not-credible" for f in findings):
+    if any(f.code in ("not-credible", "contradiction") for f in findings):
         return Outcome.NOT_CREDIBLE
+    if any(f.severity == "error" for f in findings):
+        return Outcome.FLAWED
     if any(f.severity != "info" for f in findings):
         return Outcome.DEGRADED
     return Outcome.OK if throughout(run, chosen) else Outcome.PARTLY_VALID

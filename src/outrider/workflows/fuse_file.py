@@ -5,13 +5,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import final
 
-from outrider.data import EventLog, Run, Trajectory
+from outrider.data import EventLog, Finding, Run, Trajectory
 from outrider.io.registry import read_log
 from outrider.io.robots import of_robot
 from outrider.io.runs import REPORT, ensure_free, run_folder, write_run
 from outrider.workflows.config import FuseConfig
 from outrider.workflows.fuse import fuse
 from outrider.workflows.summary import summarise
+from outrider.workflows.upstream import Translator
 
 Progress = Callable[[str, float], None]
 """Called with (what is being done, share done)."""
@@ -48,7 +49,7 @@ class Input:
 def fuse_file(
     source: Input,
     output: Path,
-    config: FuseConfig | None = None,
+    config: FuseConfig | Translator | None = None,
     *,
     force: bool = False,
     report: bool = True,
@@ -57,6 +58,7 @@ def fuse_file(
 ) -> Run:
     """Read, fuse and write a run's folder; the folder appears complete, or not at all.
 
+    config : or what makes one for the log, and has a word on it
     command : what the report tells to type to get the run again
 
     Raises
@@ -67,10 +69,14 @@ def fuse_file(
     """
     config = config or FuseConfig()
     ensure_free(output, force=force)
-    log = source.read(config.robot, progress)
+    log = source.read(config.robot if isinstance(config, FuseConfig) else "robot", progress)
+    told: tuple[Finding, ...] = ()
+    if not isinstance(config, FuseConfig):
+        translator, config = config, config(log)
+        told = translator.findings
     if progress is not None:
         progress("fusing", 0.0)
-    run = fuse(log, config, progress=progress)
+    run = fuse(log, config, remarks=told, progress=progress)
     save(run, output, source, force=force, report=report, command=command, progress=progress)
     return run
 

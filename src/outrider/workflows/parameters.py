@@ -2,7 +2,9 @@
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import final
+from typing import Final, final
+
+from outrider.models.motion import Motion
 
 
 class What(Enum):
@@ -10,17 +12,26 @@ class What(Enum):
 
     LEVER_X = "lever arm, forward"
     LEVER_Y = "lever arm, left"
+    LEVER_Z = "lever arm, up"
     SPEED = "speed scale"
     RATE = "turn rate scale"
     DELAY = "delay against the IMU"
 
 
-UNITS = {What.LEVER_X: "m", What.LEVER_Y: "m", What.SPEED: "", What.RATE: "", What.DELAY: "s"}
-STEPS = {What.LEVER_X: 0.05, What.LEVER_Y: 0.05, What.SPEED: 0.01, What.RATE: 0.01, What.DELAY: 0.08}
+LEVERS: Final = (What.LEVER_X, What.LEVER_Y, What.LEVER_Z)
+UNITS = {**dict.fromkeys(LEVERS, "m"), What.SPEED: "", What.RATE: "", What.DELAY: "s"}
+STEPS = {
+    What.LEVER_X: 0.05,
+    What.LEVER_Y: 0.05,
+    What.LEVER_Z: 0.05,
+    What.SPEED: 0.01,
+    What.RATE: 0.01,
+    What.DELAY: 0.08,
+}
 """Of the finite differences."""
-PRIORS = {What.LEVER_X: 3.0, What.LEVER_Y: 3.0, What.SPEED: 0.3, What.RATE: 0.3, What.DELAY: 1.0}
+PRIORS = {**dict.fromkeys(LEVERS, 3.0), What.SPEED: 0.3, What.RATE: 0.3, What.DELAY: 1.0}
 """Deviations of what may be expected at all."""
-WIDEST = {What.LEVER_X: 0.5, What.LEVER_Y: 0.5, What.SPEED: 0.05, What.RATE: 0.05, What.DELAY: 0.15}
+WIDEST = {**dict.fromkeys(LEVERS, 0.5), What.SPEED: 0.05, What.RATE: 0.05, What.DELAY: 0.15}
 """Half of the widest 95 % interval that still says something."""
 
 
@@ -40,9 +51,30 @@ class Parameter:
     @property
     def moves(self) -> bool:
         """Whether it is a lever arm."""
-        return self.what in (What.LEVER_X, What.LEVER_Y)
+        return self.what in LEVERS
 
     @property
     def axis(self) -> int:
         """Of a lever arm."""
-        return 0 if self.what is What.LEVER_X else 1
+        return LEVERS.index(self.what)
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """A standard deviation that may be multiplied. name : of a stream, or of a density of the process, whose `row` of
+    theta it then is."""
+
+    name: str
+    row: int | None = None
+
+
+DENSITIES: Final = {
+    Motion.PLANAR: tuple(
+        Noise(name, row)
+        for row, name in enumerate(("acceleration", "lateral", "", "yaw_acceleration", "heading_walk", "position_walk"))
+        if name
+    ),
+    Motion.STRAPDOWN: (Noise("gyro_noise", 0), Noise("accel_noise", 1)),
+}
+"""Process noise that shows in the innovations of positions, by the keys of the configuration's section."""

@@ -4,8 +4,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from outrider.errors import ConfigError
 from outrider.io.checked import validated
 from outrider.io.config import merged, read_yaml
+from outrider.io.robot_localization import is_upstream
 from outrider.workflows.config import FuseConfig
 
 
@@ -15,6 +17,9 @@ def load_config(path: Path | None = None, overrides: Mapping[str, object] | None
     if path is None:
         return given
     data = read_yaml(path)
+    if is_upstream(data):
+        what = "is a configuration of robot_localization"
+        raise ConfigError(what, where=str(path), fix="`outrider fuse LOG -c` reads it, and leaves ours in config.yaml")
     parse_config(data, str(path))
     return parse_config(merged(data, overrides or {}), str(path))
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from outrider import __version__
-from outrider.campaign.papers.model import Pair, Paper, Picture, Table, Work, check_keys, counts, plain_row
+from outrider.campaign.papers.model import FEWEST, Pair, Paper, Picture, Table, Work, check_keys, counts, plain_row
 from outrider.campaign.papers.registry import find_paper, paper_names
 from outrider.io import folders
 
@@ -74,4 +74,6 @@ def _table(table: Table) -> Document:
 
 
 def _pair(pair: Pair) -> Document:
-    return {"name": pair.name, "unit": pair.unit, "note": pair.note, **asdict(pair.result)}
+    told = {"name": pair.name, "unit": pair.unit, "note": pair.note, **asdict(pair.result)}
+    few = ("wins", "p_t", "p_wilcoxon", "effect") if pair.result.n < FEWEST else ()
+    return {**told, **dict.fromkeys(few)}

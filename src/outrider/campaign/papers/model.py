@@ -15,11 +15,14 @@ from dataclasses import asdict, dataclass, field
 from enum import Enum
 from math import isfinite, nan
 from pathlib import Path
-from typing import Any, SupportsFloat, TypeAlias, final
+from typing import Any, Final, SupportsFloat, TypeAlias, final
 
 from outrider.campaign.trials import Params, Progress, Trial, Trials, run_trials
 from outrider.errors import UsageError
 from outrider.eval import Paired, Summary
+
+FEWEST: Final = 3  # seeds below which a mean has no interval that says anything
+LISTED: Final = 4  # names before "and so many others"
 
 
 class Verdict(Enum):
@@ -27,6 +30,7 @@ class Verdict(Enum):
 
     AGREES = "agrees with what is printed"
     DIFFERS = "differs from what is printed"
+    FEW = "too few seeds for a verdict"
     OPEN = "not simulated yet"
     UNPRINTED = "the paper prints no such value"
 
@@ -34,6 +38,13 @@ class Verdict(Enum):
 def exact(value: SupportsFloat) -> Summary:
     """A number that follows from others, without seeds or spread."""
     return Summary(n=0, mean=float(value), sd=nan, low=nan, high=nan)
+
+
+def shortened(names: Sequence[str]) -> str:
+    """The first few of some names, each once, and how many more there are."""
+    once = list(dict.fromkeys(names))
+    more = len(names) - len(once[:LISTED])
+    return "; ".join(once[:LISTED]) + (f" and {more} more" if more else "")
 
 
 @final
@@ -70,11 +81,13 @@ class Row:
 
     @property
     def verdict(self) -> Verdict:
-        """Whether the mean of ours lies in the band."""
+        """Whether the mean of ours lies in the band; nothing is said of fewer than `FEWEST` seeds."""
         if not self.printed:
             return Verdict.UNPRINTED if self.ours is not None else Verdict.OPEN
         if self.ours is None or not isfinite(self.ours.mean):
             return Verdict.OPEN
+        if 0 < self.ours.n < FEWEST:  # 0: it follows from other numbers
+            return Verdict.FEW
         low, high = self.band
         return Verdict.AGREES if low <= self.ours.mean <= high else Verdict.DIFFERS
 
@@ -116,8 +129,10 @@ class Table:
         count = {v: sum(r.verdict is v for r in self.rows) for v in Verdict}
         judged = count[Verdict.AGREES] + count[Verdict.DIFFERS]
         parts = [f"{count[Verdict.AGREES]} of {judged} values agree with what is printed"] if judged else []
-        differ = ", ".join(r.name for r in self.rows if r.verdict is Verdict.DIFFERS)
+        differ = shortened([r.name for r in self.rows if r.verdict is Verdict.DIFFERS])
         parts += [f"what differs: {differ}"] if differ else []
+        few = count[Verdict.FEW]
+        parts += [f"{few} without a verdict: it takes {FEWEST} seeds or more"] if few else []
         parts += [f"{count[Verdict.OPEN]} not simulated yet"] if count[Verdict.OPEN] else []
         return "; ".join(parts)
 

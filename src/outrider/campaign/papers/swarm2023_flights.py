@@ -24,7 +24,7 @@ from outrider.scenarios.build import build
 from outrider.scenarios.chase import Chase, Law, Runs
 from outrider.scenarios.chase_steps import C_DISTANCE, C_LEAST
 from outrider.scenarios.files import load_scenario
-from outrider.scenarios.followed import pursuers
+from outrider.scenarios.followed import follows, pursuers
 from outrider.sim.targets import Behaviour
 from outrider.team.leader import Legs
 from outrider.team.trail import Aim, Trail
@@ -197,7 +197,8 @@ def principled(params: Params, seed: int) -> Mapping[str, Any]:
     """One whole simulation of a scenario of swarm2023. params : `scenario`, and its settings by dotted key.
 
     Returns the least true distance and whether it was below R_d, the share of time inside, times to 6 m and to the
-    set-point plus 1 m, the mean distance from then on, and the RMSE of the estimate [m].
+    set-point plus 1 m, mean and spread of the distance from then on while it follows (not while it searches), its share
+    of the time, and the RMSE of the estimate [m].
     """
     given = dict(params)
     name = str(given.pop("scenario"))
@@ -211,12 +212,14 @@ def principled(params: Params, seed: int) -> Mapping[str, Any]:
     near, held = (np.flatnonzero(d[SETTLED_S * TENTHS :] <= m) + SETTLED_S * TENTHS for m in (ZONE, goal + 1.0))
     e = done.log.streams["follower/estimate"]
     off = np.linalg.norm(e.z[:, :3] - own.at(e.t).p, axis=1)
-    later = d[held[0] :] if held.size else np.zeros(0)
+    following = follows(agent, t)
+    later = d[held[0] :][following[held[0] :]] if held.size else np.zeros(0)
     return {
         "least": float(d[SETTLED_S * TENTHS :].min()), "violated": float(d.min() < R_D),
         "inside_share": float((d < R_D).mean()), "to_zone": near[0] / TENTHS if near.size else nan,
         "to_set_point": held[0] / TENTHS if held.size else nan, "set_point": goal,
         "mean": float(later.mean()) if later.size else nan, "sd": float(later.std()) if later.size else nan,
+        "following": float(following[held[0] :].mean()) if held.size else nan,
         "rmse": float(np.sqrt((off**2).mean())), "collided": float(done.hit is not None),
     }  # fmt: skip
 

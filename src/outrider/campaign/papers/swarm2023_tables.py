@@ -128,8 +128,9 @@ def _kept(
     if zone:
         names.append(("to_zone", "time to 6 m", "s", 1.0))
     if more:
-        names += [("mean", "distance held", "m", 1.0), ("rmse", "RMSE of the estimate", "m", 1.0),
-                  ("collided", "collisions", "%", 100.0)]  # fmt: skip
+        names += [("mean", "distance while following", "m", 1.0), ("sd", "its spread in a run", "m", 1.0),
+                  ("following", "time spent following, once there", "%", 100.0),
+                  ("rmse", "RMSE of the estimate", "m", 1.0), ("collided", "collisions", "%", 100.0)]  # fmt: skip
     worst = [] if done is None else [f"worst {float(np.nanmin(done.column('least', **case))):.2f} m"]
     return [
         Row(name=name, group=group, unit=unit, ours=_ours(done, key, case, scale),

@@ -26,7 +26,7 @@ from outrider.models.kinematics import K_P, K_R, K_SIZE, T_P, T_SIZE, T_TH
 from outrider.models.motion import kinematic_view, propagate
 from outrider.models.sensors.dispatch import evaluate
 from outrider.models.sensors.layout import OWN, THETA_SIZE
-from outrider.typing import Floats, Ints
+from outrider.typing import Bools, Floats, Ints
 
 LONGEST: Final = 0.1  # s, of one step of the prediction
 # columns of Group.rows
@@ -81,11 +81,21 @@ class Scratch(NamedTuple):
     parameters: Floats  # (THETA_SIZE,)
     old: Floats  # (2, n)
     w: Work
+    full: Ints  # (n,) the row among all errors of each row of P
+    own: Ints  # (n,) and among those of its member
+    first: Ints  # (members + 1,) the first row of P of each member
+    rotations: Ints  # as those of the group, by rows of P
+    move: Floats  # (all errors,)
 
 
-def scratch(index: Ints, carries: bool) -> Scratch:
-    """Work arrays for these members; rows of the update are twice as long if Psi is carried."""
-    members, most, n = index.shape[0], int(index[:, I_N].max()), int(index[:, I_N].sum())
+def scratch(g: Group, full: Ints, carries: bool) -> Scratch:
+    """Work arrays for a P of the rows `full` (n,) among all errors, ascending and with all of a rotation or nothing;
+    rows of the update are twice as long if Psi is carried."""
+    index, n = g.rows, full.size
+    members, most = index.shape[0], int(index[:, I_N].max())
+    first = np.searchsorted(full, np.append(index[:, I_E], index[:, I_N].sum()))
+    rotations = g.rotations[np.isin(g.rotations[:, 2], full)].copy()
+    rotations[:, 2] = np.searchsorted(full, rotations[:, 2])
     w = workspace(n, ROWS + 1)
     if carries:
         width = -(-2 * n // 8) * 8
@@ -96,7 +106,8 @@ def scratch(index: Ints, carries: bool) -> Scratch:
         K=np.zeros((members, T_SIZE, most)), k=np.zeros((members, K_SIZE)), F_all=np.eye(n), Q_all=np.zeros((n, n)),
         y=np.zeros(ROWS + 1), r=np.zeros(ROWS + 1), D=np.zeros((2, ROWS + 1, T_SIZE)),
         H=np.zeros((2, ROWS + 1, most)), H_all=np.zeros((ROWS + 1, n)), parameters=np.zeros(THETA_SIZE),
-        old=np.zeros((2, n)), w=w,
+        old=np.zeros((2, n)), w=w, full=full, own=full - np.repeat(index[:, I_E], np.diff(first)), first=first,
+        rotations=rotations, move=np.zeros(g.keep.size),
     )  # fmt: skip
 
 
@@ -108,14 +119,15 @@ def advance(g: Group, b: Belief, ws: Scratch, now: float) -> None:
         left = now - b.clock[0]
         dt = min(left, LONGEST)
         for i in range(g.rows.shape[0]):
-            e, x = g.rows[i, I_E], g.rows[i, I_X]
+            x = g.rows[i, I_X]
             F, Q = ws.F[i], ws.Q[i]
             awake = min(dt, b.clock[0] + dt - g.begin[i])
             if awake > 0.0:
                 propagate(g.rows[i, I_CODE], b.x[x : x + g.rows[i, I_NX]], awake, b.u[i], g.theta[i], F, Q)
-                for r in range(g.rows[i, I_N]):
-                    for c in range(g.rows[i, I_N]):
-                        ws.F_all[e + r, e + c], ws.Q_all[e + r, e + c] = F[r, c], Q[r, c]
+                for r in range(ws.first[i], ws.first[i + 1]):
+                    for c in range(ws.first[i], ws.first[i + 1]):
+                        a, d = ws.own[r], ws.own[c]
+                        ws.F_all[r, c], ws.Q_all[r, c] = F[a, d], Q[a, d]
         propagate_covariance(b.P, ws.F_all, ws.Q_all, ws.w)
         if b.carried.shape[0] == n:
             times(ws.F_all, ws.w.at, b.carried, ws.w.W)
@@ -137,6 +149,31 @@ def look(g: Group, b: Belief, ws: Scratch, i: int) -> None:
     """Kinematic view of member i."""
     x = g.rows[i, I_X]
     kinematic_view(g.rows[i, I_CODE], b.x[x : x + g.rows[i, I_NX]], b.u[i], g.theta[i], ws.k[i], ws.K[i])
+
+
+def stirred(g: Group, ws: Scratch) -> tuple[Bools, Bools]:
+    """(n,) errors that the process makes grow by themselves, and (n, n) which of them feed on which."""
+    rng, n = np.random.default_rng(0), g.keep.size
+    grows, feeds = np.zeros(n, np.bool_), np.zeros((n, n), np.bool_)
+    for i, row in enumerate(g.rows.tolist()):  # at some state in general position
+        F, Q, own = ws.F[i].copy(), ws.Q[i].copy(), slice(row[I_E], row[I_E] + row[I_N])
+        propagate(row[I_CODE], rng.normal(size=row[I_NX]), 0.01, rng.normal(size=6), g.theta[i], F, Q)
+        grows[own], feeds[own, own] = Q.any(axis=1)[: row[I_N]], (F != 0.0)[: row[I_N], : row[I_N]]
+    return grows, feeds
+
+
+def views(g: Group, u: Floats, i: int, x: Floats) -> tuple[Floats, Floats]:
+    """Kinematic views (k, K_SIZE) of member i and their Jacobians at states x (k, states) of all."""
+    k, K = np.zeros((len(x), K_SIZE)), np.zeros((len(x), T_SIZE, int(g.rows[i, I_N])))
+    _views(g, u[i], i, x, k, K)
+    return k, K
+
+
+@kernel
+def _views(g: Group, u: Floats, i: int, x: Floats, k: Floats, K: Floats) -> None:
+    a = g.rows[i, I_X]
+    for row in range(x.shape[0]):
+        kinematic_view(g.rows[i, I_CODE], x[row, a : a + g.rows[i, I_NX]], u, g.theta[i], k[row], K[row])
 
 
 @kernel
@@ -189,10 +226,9 @@ def measure(g: Group, b: Belief, ws: Scratch, src: int, z: Floats, r: Floats) ->
     for side in range(sides):
         who = i if side == 0 else j
         chain(ws.D[side], ws.K[who], m, ws.H[side])
-        e = g.rows[who, I_E]
         for k in range(m):
-            for c in range(g.rows[who, I_N]):
-                ws.H_all[k, e + c] = ws.H[side, k, c]
+            for c in range(ws.first[who], ws.first[who + 1]):
+                ws.H_all[k, c] = ws.H[side, k, ws.own[c]]
     return m
 
 
@@ -231,16 +267,17 @@ def absorb(g: Group, b: Belief, ws: Scratch, src: int, z: Floats, r: Floats, out
     if carries:
         note(g, b, ws, m)
     for i in range(n):
-        if g.keep[i] == 0.0:
+        if g.keep[ws.full[i]] == 0.0:
             w.dx[i] = 0.0
             for j in range(n):
-                if g.keep[j] == 0.0:
+                if g.keep[ws.full[j]] == 0.0:
                     w.M[i, j] = b.P[i, j]
+        ws.move[ws.full[i]] = w.dx[i]
     mirror(w.M, b.P)
-    transport(b.P, w.dx, g.rotations, False, w.J)
+    transport(b.P, w.dx, ws.rotations, False, w.J)
     for i in range(g.rows.shape[0]):
         x, e, a = g.rows[i, I_X], g.rows[i, I_E], g.rows[i, I_TABLE]
-        retract(b.x[x : x + g.rows[i, I_NX]], w.dx[e : e + g.rows[i, I_N]], g.table[a : a + g.rows[i, I_TABLES]])
+        retract(b.x[x : x + g.rows[i, I_NX]], ws.move[e : e + g.rows[i, I_N]], g.table[a : a + g.rows[i, I_TABLES]])
     if carries:
         turn_rows(b.carried, w.dx, g.rotations, w.J)
 
@@ -306,8 +343,8 @@ def run(
 ) -> int:
     """Take the records t (n,), source (n,), z, r (n, ROWS), then predict up to `until`.  out (n, 3) as `absorb`.
 
-    x (k, states) and P (k, n, n) <- the estimates at the times `at` (k,) before `until`, each after all records of its
-    time, from row `kept` on; returns the next row.
+    x (k, states) and P (k, all errors, all errors) <- the estimates at the times `at` (k,) before `until`, each after
+    all records of its time, from row `kept` on; returns the next row.
     """
     for e in range(t.size + 1):
         now = until if e == t.size else t[e]
@@ -317,7 +354,7 @@ def run(
                 x[kept, c] = b.x[c]
             for c in range(b.P.shape[0]):
                 for d in range(b.P.shape[0]):
-                    P[kept, c, d] = b.P[c, d]
+                    P[kept, ws.full[c], ws.full[d]] = b.P[c, d]
             kept += 1
         if e == t.size:
             advance(g, b, ws, now)

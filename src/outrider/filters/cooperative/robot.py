@@ -108,7 +108,7 @@ class Filter:
         self, members: Sequence[Member], sources: Sequence[Source], records: Records, at: Floats, start: float, *,
         gate: Floats, carries: bool = False,
     ) -> None:  # fmt: skip
-        self.members, self.records, self.at = members, records, at
+        self.members, self.records = members, records
         self.group = _group(members, sources, gate)
         n, N = self.group.keep.size, len(members)
         P = np.zeros((n, n))
@@ -119,14 +119,16 @@ class Filter:
             x=np.concatenate([m.belief.x for m in members]), P=P, clock=np.array([start]), u=np.zeros((N, 6)),
             fed=np.zeros((N, 6)), carried=np.eye(own), told=np.zeros((own, own)), heard=np.zeros(own),
         )  # fmt: skip
-        self.work = group.scratch(self.group.rows, carries)
+        self.work = group.scratch(self.group, np.arange(n), carries)
+        self._grows, self._feeds = group.stirred(self.group, self.work)
+        self._inner = self.belief, self.work
         self.factors: dict[int, Floats] = {}
         self.mixed = False
         self.before = np.zeros((n, n))
-        self.x, self.P = np.zeros((at.size, self.belief.x.size)), np.zeros((at.size, n, n))
+        self.sample(at)
         self.out = np.full((records.t.size, 3), np.nan)
         self.blows: list[tuple[float, Ints, float]] = []
-        self._next = self._kept = 0
+        self._next = 0
 
     @property
     def estimated(self) -> bool:
@@ -145,11 +147,36 @@ class Filter:
         r, first = self.records, self._next
         last = int(np.searchsorted(r.t, until, side="right"))
         part = slice(first, last)
+        self._alive()
+        belief, work = self._inner
+        inside = np.ix_(work.full, work.full)
+        belief.P[...] = self.belief.P[inside]
         self._kept = group.run(
-            self.group, self.belief, self.work, r.t[part], r.source[part], r.z[part], r.r[part], until, self._kept,
+            self.group, belief, work, r.t[part], r.source[part], r.z[part], r.r[part], until, self._kept,
             self.at, self.x, self.P, self.out[part],
         )  # fmt: skip
+        self.belief.P[inside] = belief.P
         self._next = last
+
+    def _alive(self) -> None:
+        """Make room for the errors that are not zero for certain: most teams leave out states that their model has."""
+        if self.belief.carried.size:
+            return
+        on = self._grows | self.belief.P.any(axis=1)
+        while (fed := on | (self._feeds & on).any(axis=1)).sum() > on.sum():
+            on = fed
+        for row in self.group.rotations[:, 2].tolist():
+            on[row : row + 3] |= on[row : row + 3].any()
+        full = np.flatnonzero(on)
+        if not np.array_equal(full, self._inner[1].full):
+            whole = full.size == on.size
+            small = self.belief if whole else self.belief._replace(P=np.zeros((full.size, full.size)))
+            self._inner = small, self.work if whole else group.scratch(self.group, full, False)
+
+    def sample(self, at: Floats) -> None:
+        """From now on keep the estimates at the times `at` (k,) s as rows of x and P."""
+        n, self.at, self._kept = self.group.keep.size, at, 0
+        self.x, self.P = np.zeros((at.size, self.belief.x.size)), np.zeros((at.size, n, n))
 
     def snapshot(self) -> tuple[Floats, Floats, int]:
         """The input in force and how many records were taken, to come back to."""

@@ -7,18 +7,20 @@ since is replayed on top, so that a late fix gives the very numbers that it woul
 from bisect import bisect_right
 from dataclasses import dataclass
 from enum import Enum
-from math import inf, isfinite
+from math import hypot, inf, isfinite, sqrt
 from typing import Final, NamedTuple, final
 
 import numpy as np
 
 from outrider.errors import ConfigError, UsageError
 from outrider.filters.following.steps import predict, update, update_course
-from outrider.models.motion.following import STEP, FollowerModel, lag_step
+from outrider.models.motion.following import GAIN, STEP, FollowerModel, lag_step
 from outrider.typing import Floats
 
 CHI2_3: Final = 16.266  # 99.9 % of a chi-square of three degrees of freedom
 CHI2_1: Final = 10.828
+SHORT: Final = 0.1  # s, of a step in which the vehicle's limits act
+TINY: Final = 1e-9
 
 
 class Outcome(Enum):
@@ -27,6 +29,9 @@ class Outcome(Enum):
     USED = "used"
     STARTED = "the first fix: the filter starts there"
     GATED = "does not fit the prediction: ignored; if several in a row agree with one another, the filter goes there"
+    TOO_FAR = (
+        "agrees with those before, and lies farther away than can have been flown since the last one that was believed"
+    )
     REACQUIRED = "fixes in a row agreed with one another and not with the prediction: the filter started anew there"
     WAITING = "there has been no fix yet: kept for later"
     SLOW = "too slow for a direction of flight to say anything"
@@ -76,6 +81,8 @@ class Following:
     gate : of three components [NIS], scaled for one;  reacquire : how many fixes in a row may not fit, if they agree
     history_s : how old a record may be;  ahead_s : how far a stamp may lie in the future
     command_delay_s : from `add_command` to its effect
+    fastest : m/s, over ground: no fix is believed, however many agree, where nobody flies since the last one that was
+    hardest, hardest_up : m/s^2, to which the vehicle limits its answer, in the plane and upwards
     """
 
     velocity: float = 2.0
@@ -86,6 +93,9 @@ class Following:
     ahead_s: float = 0.05
     command_delay_s: float = 0.0
     slowest: float = 0.5  # m/s, below which there is no direction of flight
+    fastest: float = inf
+    hardest: float = inf
+    hardest_up: float = inf
 
     def __post_init__(self) -> None:
         for name in ("velocity", "gate", "history_s"):
@@ -94,6 +104,9 @@ class Following:
         for name in ("wind", "ahead_s", "command_delay_s", "slowest"):
             if not 0.0 <= getattr(self, name) < inf:
                 raise ConfigError(f"{name} = {getattr(self, name)} of a follower's filter", fix="zero or more")
+        for name in ("fastest", "hardest", "hardest_up"):
+            if not getattr(self, name) > 0.0:
+                raise ConfigError(f"{name} = {getattr(self, name)} of a follower's filter", fix="give it above zero")
         if self.reacquire < 2:
             raise ConfigError(f"reacquire = {self.reacquire} would follow any jump", fix="2 or more")
 
@@ -110,7 +123,8 @@ class _Event(NamedTuple):
 
 
 class _State(NamedTuple):
-    """All that the filter knows after an event; `missed` fixes in a row were off by about `offset`."""
+    """All that the filter knows after an event; `missed` fixes in a row were off by about `offset`; the last one that
+    counts was taken at fix_t, when it was at fix_p."""
 
     t: float
     x: Floats
@@ -119,6 +133,7 @@ class _State(NamedTuple):
     missed: int
     offset: Floats
     fix_t: float
+    fix_p: Floats
 
 
 _POSITION, _VELOCITY, _HEADING, _COURSE, _COMMAND = 0, 3, 7, 8, 9
@@ -232,7 +247,7 @@ class FollowerFilter:
         P[np.diag_indices(n)] = np.concatenate([fix.r, np.full(3, s.velocity**2), np.full(3, s.wind**2)])[:n]
         if n == 9:
             P[8, 8] = s.wind**2 if self.model.wind_z > 0.0 else 0.0
-        return _State(fix.t, x, P, u, 0, np.zeros(3), fix.t)
+        return _State(fix.t, x, P, u, 0, np.zeros(3), fix.t, fix.z)
 
     def _insert(self, event: _Event) -> Fused:
         """Put an event where it belongs and redo what follows it."""
@@ -256,14 +271,35 @@ class FollowerFilter:
         return fused
 
     def _moved(self, s: _State, t: float) -> _State:
-        """The state at t, under the command in force."""
-        x, P = s.x.copy(), s.P.copy()
-        if t > s.t:
-            if t - s.t != self._dt:
-                self._dt = t - s.t
-                lag_step(self._dt, self._theta, self._step)
-            predict(x, P, s.u, self._step)
+        """The state at t, under the command in force; in short steps while the vehicle cannot answer it as asked."""
+        x, P, now = s.x.copy(), s.P.copy(), s.t
+        while t > now:
+            dt = t - now
+            if dt > SHORT and not self._answers(x, s.u):
+                dt = SHORT
+            self._stepped(x, P, s.u, dt)
+            now = t if dt == t - now else now + dt
         return s._replace(t=max(t, s.t), x=x, P=P)
+
+    def _answers(self, x: Floats, u: Floats) -> bool:
+        """Whether a command asks for no more acceleration than the vehicle has."""
+        s, m = self.settings, self.model
+        flat = hypot(u[0] - x[3], u[1] - x[4]) <= s.hardest * m.lag
+        return flat and abs(u[2] - x[5]) <= s.hardest_up * m.lag_z
+
+    def _stepped(self, x: Floats, P: Floats, u: Floats, dt: float) -> None:
+        """One step. A command that asks for too much is the one by which the velocity changes as fast as it can."""
+        if dt != self._dt:
+            self._dt = dt
+            lag_step(dt, self._theta, self._step)
+        if not self._answers(x, u):
+            s, c = self.settings, self._step
+            gap = u - x[3:6]
+            level = gap * np.array([c[0, GAIN], c[1, GAIN], c[2, GAIN]]) / dt  # m/s^2, in the mean over the step
+            gap[:2] *= min(1.0, s.hardest / max(hypot(level[0], level[1]), TINY))
+            gap[2] *= min(1.0, s.hardest_up / max(abs(level[2]), TINY))
+            u = x[3:6] + gap
+        predict(x, P, u, self._step)
 
     def _apply(self, s: _State, event: _Event) -> tuple[_State, Fused]:
         """The state after an event."""
@@ -279,9 +315,12 @@ class FollowerFilter:
             return s, Fused(outcome, nis)
         offset = event.z - s.x[event.at : event.at + 3]
         whole = event.at == _POSITION and bool(np.isfinite(event.r).all())
+        if whole and self._beyond(s, event):
+            gate = -1.0
         nis, _ = update(s.x, s.P, event.at, event.z, event.r, gate)
         if nis <= gate:
-            return (s._replace(missed=0, fix_t=event.t) if whole else s), Fused(Outcome.USED, nis)
+            kept = s._replace(missed=0, fix_t=event.t, fix_p=s.x[:3].copy()) if whole else s
+            return kept, Fused(Outcome.USED, nis)
         if not whole:
             return s, Fused(Outcome.GATED, nis)
         return self._missed(s, event, offset, nis)
@@ -293,4 +332,11 @@ class FollowerFilter:
         missed = s.missed + 1 if agrees else 1
         if missed < self.settings.reacquire:
             return s._replace(missed=missed, offset=offset), Fused(Outcome.GATED, nis)
+        if self._beyond(s, fix):
+            return s._replace(missed=missed, offset=offset), Fused(Outcome.TOO_FAR, nis)
         return self._first(fix, s.u), Fused(Outcome.REACQUIRED, nis)
+
+    def _beyond(self, s: _State, fix: _Event) -> bool:
+        """Whether a fix lies where nobody can have flown since the last one that was believed."""
+        reach = self.settings.fastest * (fix.t - s.fix_t) + sqrt(2.0 * self.settings.gate * float(fix.r.max()))
+        return float(np.linalg.norm(fix.z - s.fix_p)) > reach

@@ -113,8 +113,10 @@ def fuse_entry(x: Floats, P: Floats, k: int, z: float, r: float) -> None:
     for i in range(n):
         if i != k:
             a = P[i, k]
-            for j in range(n):
-                P[i, j] -= a * P[k, j] * share  # in this order symmetric to the last bit
+            for j in range(i, n):
+                if j != k:
+                    P[i, j] -= a * P[k, j] * share
+                    P[j, i] = P[i, j]
     for j in range(n):
         P[k, j] *= r * share
         P[j, k] = P[k, j]
@@ -158,8 +160,9 @@ def fuse_row(
     if e * e * share <= gate:
         for i in range(n):
             x[i] += w[i] * e * share
-            for j in range(n):
+            for j in range(i, n):
                 P[i, j] -= w[i] * w[j] * share
+                P[j, i] = P[i, j]
     return e * e * share, s
 
 

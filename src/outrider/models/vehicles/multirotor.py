@@ -43,6 +43,7 @@ from outrider.models.vehicles.base import (
 from outrider.typing import Floats
 
 AIR_INPUTS: Final = ("v_east", "v_north", "v_up", "yaw_rate")
+CLIMB: Final = AIR_INPUTS.index("v_up")
 X_YAW_RATE: Final = X_OWN
 X_CURSOR: Final = X_OWN + 1
 

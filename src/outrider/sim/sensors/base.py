@@ -98,8 +98,22 @@ def stamps(piece: Truth, rate_hz: float, phase_s: float = 0.0) -> Ints:
     return piece.start + t[((t > first) | (first == 0)) & (t <= last)]
 
 
+def sampled(piece: Truth, rate_hz: float, phase_s: float = 0.0) -> Truth:
+    """A piece at its `stamps`, which sensors of one rate share."""
+    key = (rate_hz, phase_s)
+    if key not in piece.samples:
+        piece.samples[key] = piece.at(stamps(piece, rate_hz, phase_s))
+    return piece.samples[key]
+
+
+def nothing(sensor: Sensor | Plain, kind: Kind, truth: Truth) -> Stream:
+    """No record of this sensor."""
+    return stream(sensor.name, kind, truth.t[:0], np.zeros((0, len(kind.columns))), robot=truth.robot)
+
+
 def record(sensor: Sensor | Plain, kind: Kind, truth: Truth, z: Floats, variance: Floats, **more: object) -> Stream:
     """A stream with one variance for all rows; `latency_s` says how much later it arrives."""
     late = round(float(more.pop("latency_s", 0.0)) * 1e9)  # type: ignore[arg-type]
-    var = np.tile(variance, (truth.t.size, 1))
+    var = np.empty((truth.t.size, variance.size))
+    var[:] = variance
     return stream(sensor.name, kind, truth.t, z, var=var, t_arrival=truth.t + late, robot=truth.robot, **more)

@@ -10,7 +10,7 @@ from outrider.core.angles import wrap_all
 from outrider.core.rotations import quats_conjugate, quats_multiply, quats_to_rpy
 from outrider.data import Altitude, Kind, Stream
 from outrider.sim.noise import white
-from outrider.sim.sensors.base import STRAIGHT, Quaternion, Vector, record, stamps
+from outrider.sim.sensors.base import STRAIGHT, Quaternion, Vector, record, sampled
 from outrider.sim.truth import Truth, rotate
 
 
@@ -25,7 +25,7 @@ class Baro:
     reference: float = 0.0
 
     def sample(self, truth: Truth, rng: Generator) -> Stream:
-        here = truth.at(stamps(truth, self.rate_hz))
+        here = sampled(truth, self.rate_hz)
         z = (here.p[:, 2] + here.bias.baro + self.reference)[:, None] + white(rng, len(here), 1, self.sigma)
         return record(self, Kind.BARO, here, z, np.array([self.sigma**2]), altitude=Altitude.PRESSURE)
 
@@ -44,7 +44,7 @@ class Magnetometer:
     frame: str = "imu"
 
     def sample(self, truth: Truth, rng: Generator) -> Stream:
-        here = truth.at(stamps(truth, self.rate_hz))
+        here = sampled(truth, self.rate_hz)
         q = quats_conjugate(quats_multiply(here.q, np.array(self.mount)))
         z = rotate(q, np.array(self.field)) + np.array(self.hard_iron) + white(rng, len(here), 3, self.sigma)
         return record(self, Kind.MAG, here, z, np.full(3, self.sigma**2), frame=self.frame)
@@ -61,6 +61,6 @@ class Heading:
     offset: float = 0.0
 
     def sample(self, truth: Truth, rng: Generator) -> Stream:
-        here = truth.at(stamps(truth, self.rate_hz))
+        here = sampled(truth, self.rate_hz)
         yaw = quats_to_rpy(here.q)[:, 2:] + self.offset + white(rng, len(here), 1, self.sigma)
         return record(self, Kind.HEADING, here, wrap_all(yaw), np.array([self.sigma**2]))

@@ -9,7 +9,7 @@ from numpy.random import Generator
 from outrider.core.geodesy import enu_to_geodetic
 from outrider.data import Altitude, Fix, Kind, Stream
 from outrider.sim.noise import white
-from outrider.sim.sensors.base import Vector, record, stamps
+from outrider.sim.sensors.base import Vector, record, sampled
 from outrider.sim.truth import Truth, rotate
 
 
@@ -30,7 +30,7 @@ class Gnss:
     phase_s: float = 0.0
 
     def sample(self, truth: Truth, rng: Generator) -> Stream:
-        here = truth.at(stamps(truth, self.rate_hz, self.phase_s))
+        here = sampled(truth, self.rate_hz, self.phase_s)
         n, sigma = len(here), np.array([self.sigma, self.sigma, self.sigma_up])
         p = here.p + rotate(here.q, np.array(self.lever)) + here.bias.gnss + white(rng, n, 3, 1.0) * sigma
         site = truth.datum
@@ -57,7 +57,7 @@ class GnssVelocity:
     frame: str = "gnss"
 
     def sample(self, truth: Truth, rng: Generator) -> Stream:
-        here = truth.at(stamps(truth, self.rate_hz, self.phase_s))
+        here = sampled(truth, self.rate_hz, self.phase_s)
         sigma = np.array([self.sigma, self.sigma, self.sigma_up])
         z = here.v + rotate(here.q, np.cross(here.w, np.array(self.lever))) + white(rng, len(here), 3, 1.0) * sigma
         return record(self, Kind.GNSS_VELOCITY, here, z, sigma**2, frame=self.frame, latency_s=self.latency_s)

@@ -11,7 +11,7 @@ from numpy.random import Generator
 from outrider.core.rotations import quats_exp, quats_multiply, quats_to_matrices
 from outrider.data import Kind, Stream
 from outrider.sim.noise import gauss_markov, white
-from outrider.sim.sensors.base import STRAIGHT, Device, Quaternion, Setting, Vector, record, stamps
+from outrider.sim.sensors.base import STRAIGHT, Device, Quaternion, Setting, Vector, record, sampled
 from outrider.sim.truth import Truth
 from outrider.typing import Floats
 
@@ -53,7 +53,7 @@ class Imu:
         R = quats_to_matrices(np.array(self.mount))  # R_body_sensor
 
         def sense(own: Truth, others: Mapping[str, Truth]) -> Stream:
-            here = self._felt(own).at(stamps(own, self.rate_hz))
+            here = sampled(self._felt(own), self.rate_hz)
             z = np.hstack([(here.w + here.bias.gyro) @ R, (here.f + here.bias.accel) @ R])
             if matrices is not None:
                 z = z @ matrices.T
@@ -107,7 +107,7 @@ class Attitude:
     frame: str = "imu"
 
     def sample(self, truth: Truth, rng: Generator) -> Stream:
-        here = truth.at(stamps(truth, self.rate_hz))
+        here = sampled(truth, self.rate_hz)
         turned = quats_multiply(quats_exp(np.array([0.0, 0.0, self.yaw_error])), here.q)
         noise = quats_exp(white(rng, len(here), 3, self.sigma))
         z = quats_multiply(quats_multiply(turned, noise), np.array(self.mount))

@@ -13,7 +13,7 @@ from outrider.core.rotations import quats_conjugate, quats_exp, quats_multiply
 from outrider.data import Kind, Stream
 from outrider.errors import ConfigError
 from outrider.sim.noise import white
-from outrider.sim.sensors.base import STRAIGHT, Device, Quaternion, Setting, Vector, record, stamps
+from outrider.sim.sensors.base import STRAIGHT, Device, Quaternion, Setting, Vector, nothing, record, sampled
 from outrider.sim.truth import Truth, rotate
 from outrider.typing import Bools, Floats
 
@@ -49,7 +49,7 @@ class Lidar:
         angles = self.angles()
 
         def sense(own: Truth, others: Mapping[str, Truth]) -> Stream:
-            here = own.at(stamps(own, self.rate_hz))
+            here = sampled(own, self.rate_hz)
             origin = here.p + rotate(here.q, np.array(self.lever))
             q = quats_multiply(here.q, np.tile(self.mount, (len(here), 1)))
             seconds = setting.seconds(here.t)
@@ -91,7 +91,9 @@ class ObjectPose:
         points = np.array([body.feature(name) for name in sorted(body.features)])
 
         def sense(own: Truth, others: Mapping[str, Truth]) -> Stream:
-            here = own.at(stamps(own, self.rate_hz))
+            here = sampled(own, self.rate_hz)
+            if not len(here):
+                return nothing(self, Kind.POSE, own)
             z, keep = np.hstack([here.p, here.q]), self._matched(here, points)
             draws = white(rng, len(here), 6, 1.0) * np.repeat([self.sigma, self.sigma_angle], 3)
             z[:, :3] += draws[:, :3]
@@ -130,7 +132,7 @@ class RobotCamera:
 
     def device(self, setting: Setting, rng: Generator) -> Device:
         def sense(own: Truth, others: Mapping[str, Truth]) -> Stream:
-            here = own.at(stamps(own, self.rate_hz))
+            here = sampled(own, self.rate_hz)
             eye = here.p + rotate(here.q, np.array(self.lever))
             back = quats_conjugate(quats_multiply(here.q, np.tile(self.mount, (len(here), 1))))
             seconds = setting.seconds(here.t)
@@ -138,14 +140,18 @@ class RobotCamera:
             keep: list[Bools] = []
             for name in sorted(others):
                 there = others[name].at(here.t)
-                p, q = rotate(back, there.p - eye), quats_multiply(back, there.q)
+                p = rotate(back, there.p - eye)
                 distance = np.linalg.norm(p, axis=1)
                 seen = (distance < self.reach) & (p[:, 0] > np.cos(self.half_angle) * distance)
                 seen[seen] &= setting.world.sees(eye[seen], there.p[seen], seconds[seen])
                 draws = white(rng, len(here), 6, 1.0)
-                p, q = p + draws[:, :3] * self.sigma, quats_multiply(q, quats_exp(draws[:, 3:] * self.sigma_angle))
-                rows.append(np.column_stack([np.full(len(here), number_of(name)), p, q]))
-                keep.append(seen)
+                if seen.any():
+                    q = quats_multiply(quats_multiply(back, there.q), quats_exp(draws[:, 3:] * self.sigma_angle))
+                    p = p + draws[:, :3] * self.sigma
+                    rows.append(np.column_stack([np.full(len(here), number_of(name)), p, q]))
+                    keep.append(seen)
+            if not rows:
+                return nothing(self, Kind.RELATIVE_POSE, own)
             made = _interleaved(self, Kind.RELATIVE_POSE, here, rows, keep, self._variance(), self.latency_s)
             return replace(made, frame=self.name)
 
@@ -168,7 +174,9 @@ class StereoVelocity:
 
     def device(self, setting: Setting, rng: Generator) -> Device:
         def sense(own: Truth, others: Mapping[str, Truth]) -> Stream:
-            here = own.at(stamps(own, self.rate_hz))
+            here = sampled(own, self.rate_hz)
+            if not len(here):
+                return nothing(self, Kind.BODY_VELOCITY, own)
             seconds = setting.seconds(here.t)
             near = setting.world.clearance(here.p, seconds) < self.reach
             z = rotate(quats_conjugate(here.q), here.v) + white(rng, len(here), 3, self.sigma)
@@ -196,7 +204,7 @@ class Uwb:
 
     def device(self, setting: Setting, rng: Generator) -> Device:
         def sense(own: Truth, others: Mapping[str, Truth]) -> Stream:
-            here = own.at(stamps(own, self.rate_hz))
+            here = sampled(own, self.rate_hz)
             eye = here.p + rotate(here.q, np.array(self.lever))
             seconds = setting.seconds(here.t)
             ends = {float(k): np.tile(p, (len(here), 1)) for k, p in sorted(self.anchors.items())}

@@ -10,7 +10,7 @@ from numpy.random import Generator
 from outrider.core.rotations import quats_conjugate
 from outrider.data import Kind, Stream
 from outrider.sim.noise import white
-from outrider.sim.sensors.base import Device, Setting, record, stamps
+from outrider.sim.sensors.base import Device, Setting, record, sampled, stamps
 from outrider.sim.truth import Truth, rotate
 
 
@@ -28,7 +28,7 @@ class BodyTwist:
     frame: str = "base_link"
 
     def sample(self, truth: Truth, rng: Generator) -> Stream:
-        here = truth.at(stamps(truth, self.rate_hz))
+        here = sampled(truth, self.rate_hz)
         n, known = len(here), np.array([0, 5] if self.rolling else range(6))
         body = rotate(quats_conjugate(here.q), here.v) / (1.0 + here.bias.wheels[:, None])
         sigma = np.repeat([self.sigma_v, self.sigma_w], 3)
@@ -96,7 +96,7 @@ class SteeringEncoder:
     frame: str = "base_link"
 
     def sample(self, truth: Truth, rng: Generator) -> Stream:
-        here = truth.at(stamps(truth, self.rate_hz))
+        here = sampled(truth, self.rate_hz)
         sigma = np.array([self.sigma_speed, self.sigma_angle])
         z = (
             here.actuators[:, [self.speed, self.angle]]

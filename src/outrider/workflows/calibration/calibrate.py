@@ -9,8 +9,9 @@ import numpy as np
 from outrider.data import EventLog, Finding, Kind
 from outrider.io.config import merged
 from outrider.workflows.calibration.comparison import motion_rows
-from outrider.workflows.calibration.rolling import AGAINST_GYRO, rolling_rows
-from outrider.workflows.calibration.row import Row
+from outrider.workflows.calibration.iron import iron_rows
+from outrider.workflows.calibration.rolling import AGAINST_GYRO, BASE, TRACK, rolling_rows
+from outrider.workflows.calibration.row import Row, row_of
 from outrider.workflows.calibration.tune import Tuned, tune
 from outrider.workflows.config import FuseConfig
 from outrider.workflows.discover import delayed, find_datum, scaled, screened
@@ -34,13 +35,13 @@ Progress = Callable[[str, float], None]
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Calibration:
     """What was found. rows : every parameter that was looked for;  config : what was given, what the doctor prescribes,
-    and what differs from it;  findings : of the doctor, and what stood in the way;  tuned : factors of noise."""
+    and what differs from it;  findings : of the doctor, and what stood in the way;  tuned : what was done to noise."""
 
     log: EventLog
     rows: tuple[Row, ...]
     config: FuseConfig
     findings: tuple[Finding, ...]
-    tuned: tuple[Tuned, ...] = ()
+    tuned: Tuned | None = None
 
     @property
     def complete(self) -> bool:
@@ -58,7 +59,7 @@ class Calibration:
             "schema": SCHEMA,
             "log": {"path": self.log.path, "sha256": self.log.sha256, "duration_s": self.log.duration},
             "parameters": [r.as_dict() for r in self.rows],
-            "tuned": [t.as_dict() for t in self.tuned],
+            "tuned": self.tuned.as_dict() if self.tuned is not None else None,
             "findings": [{"severity": f.severity, "code": f.code, "text": f.text, "fix": f.fix} for f in self.findings],
             "configuration": self.config.model_dump(mode="json", exclude_unset=True),
         }
@@ -67,21 +68,24 @@ class Calibration:
 def calibrate(log: EventLog, cfg: FuseConfig, *, noise: bool = False, progress: Progress | None = None) -> Calibration:
     """Find the parameters of the sensors of a log, each with its 95 % interval or with why it cannot be told.
 
-    noise : whether to tune the noise of absolute sources afterwards, with what was found
+    noise : whether to tune the noise of sources and motion afterwards, with what was found
 
     Raises DataError when nothing in the log can be fused, ConfigError when the configuration does not fit it.
     """
     cfg, remarks = prescribed(log, cfg)
     p = patient(log, cfg)
-    if not moves(p):
-        return Calibration(log=log, rows=(), config=cfg, findings=(*remarks, STILL))
-    rows = rolling_rows(p, cfg)
+    iron = iron_rows(p, cfg, ground=bool(p.log.of(Kind.TWIST, Kind.WHEELS, Kind.ACKERMANN)))
+    if not moves(p):  # a compass may have been turned about in one place
+        told = any(r.found for r in iron)
+        rows, more = (tuple(iron), ()) if told else ((), (STILL,))
+        return Calibration(log=log, rows=rows, config=with_rows(cfg, list(rows)), findings=(*remarks, *more))
+    rows = rolling_rows(p, cfg) + iron
     rows += motion_rows(log, with_rows(cfg, rows), progress or (lambda _, __: None))  # need clocks and mounts that fit
     rows = [against_truth(r, rows) for r in rows]
-    better, tuned = with_rows(cfg, rows), list[Tuned]()
+    better, tuned = with_rows(cfg, rows), None
     if noise:
         tuned, better = tune(log, better, progress or (lambda _, __: None))
-    return Calibration(log=log, rows=tuple(rows), config=better, findings=remarks, tuned=tuple(tuned))
+    return Calibration(log=log, rows=tuple(rows), config=better, findings=remarks, tuned=tuned)
 
 
 def patient(log: EventLog, cfg: FuseConfig) -> Patient:
@@ -105,12 +109,27 @@ def under_way(s: Signal) -> float:
 
 
 def against_truth(r: Row, rows: list[Row]) -> Row:
-    """A turn rate scale against a gyro as the configuration wants it: against the truth, if the gyro's is wrong."""
-    gyro = next((g for g in rows if g.what == What.RATE.value and g.differs), None)
-    if r.what != AGAINST_GYRO or not r.found or gyro is None:
+    """What was found against a gyro as the configuration wants it, if the gyro's scale, or the wheels', is wrong: a
+    turn rate scale against the truth, and lengths between wheels as they are."""
+    gyro = scale_of(rows, What.RATE)
+    if r.what == AGAINST_GYRO and r.found and gyro[0] != 1.0:
+        return replace(r, section={"sources": {r.source: {"rate_gain": round(r.value * gyro[0], 5)}}})
+    if r.what not in (BASE, TRACK) or not r.found:
         return r
-    gain = round(r.value * gyro.value / gyro.told, 5)
-    return replace(r, section={"sources": {r.source: {"rate_gain": gain}}})
+    wheels = scale_of(rows, What.SPEED, r.source)
+    value = r.value * wheels[0] / gyro[0]
+    half = float(np.hypot(r.half, value * np.hypot(wheels[1], gyro[1])))
+    made = row_of(r.source, r.what, r.unit, r.told, value, half, np.inf)
+    key = "wheel_base_m" if r.what == BASE else "track_m"
+    return replace(made, section={"sources": {r.source: {key: round(value, 4)}}}) if made.differs else made
+
+
+def scale_of(rows: list[Row], what: What, source: str | None = None) -> tuple[float, float]:
+    """Found over told of a scale, and half its interval; 1 where it is not found, or not wrong."""
+    r = next((g for g in rows if g.what == what.value and g.found and source in (None, g.source)), None)
+    if r is None:
+        return 1.0, 0.0
+    return (r.value / r.told if r.differs else 1.0), r.half / abs(r.told)
 
 
 def with_rows(cfg: FuseConfig, rows: list[Row]) -> FuseConfig:

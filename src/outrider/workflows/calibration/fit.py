@@ -4,9 +4,10 @@
 
 y the innovations and s their predicted deviations at the current values, g the gain that multiplies the record (so that
 a gain cannot shrink its own residual), rho Huber's. Gauss-Newton on differences (prediction error method: Ljung,
-System Identification, 1999, ch. 7). The covariance is the sandwich A^-1 B A^-1 with A = J' W J and B the sum of the
-scores' products over `LAG_S` (Newey & West 1987): innovations of a filter whose noise is not what it believes are
-correlated and not of unit variance, and neither may make an interval too small.
+System Identification, 1999, ch. 7). The covariance is a sandwich with A = J' W J: innovations of a filter whose noise
+is not what it believes are correlated and not of unit variance. Its window of some seconds sees what is left of that
+once the noise is about right (`noise`); a filter that believes too little of its past has innovations whose
+correlation, weak and negative, lasts for its memory, and which would make every interval several times too wide.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -18,18 +19,16 @@ import numpy as np
 from outrider.typing import Floats, Ints
 from outrider.workflows.bench import Bench, Innovations, gained
 from outrider.workflows.parameters import PRIORS, STEPS, Parameter, What
+from outrider.workflows.sandwich import sandwich
 
 HUBER: Final = 3.0  # deviations beyond which a residual counts linearly
 SETTLE_S: Final = 5.0  # after the start, that say more about the start than about the sensors
 MOST_ROUNDS: Final = 8
-SLOPES: Final = 3  # rounds with slopes of their own; by then they hardly change
+SLOPES: Final = 3  # rounds with slopes of their own; by then they hardly change (two of a search that begins near)
 ROUGH: Final = 1.01  # by so much a cost may grow: records that change places make it rough
 PARTS: Final = (1.0, 0.5, 0.25, 0.1)  # of a step, tried in turn
 NEAR: Final = 0.1  # of a deviation: a step as small as this ends the search
-BIN_S: Final = 0.5  # s over which scores are summed
-LAG_S: Final = 5.0  # s over which they are taken to be correlated
 SWEEP: Final = (-0.5, -0.2, 0.2, 0.5)  # s: delays tried before the search
-SURE: Final = 2.2  # deviations of a 95 % interval: of Student's t with some ten, which is what a sandwich leaves
 
 
 @final
@@ -52,21 +51,26 @@ class Scene:
     times: Floats
 
 
-def fit(bench: Bench, parameters: Sequence[Parameter], progress: Callable[[float], None] = lambda _: None) -> Fit:
-    """Fit the parameters together, from zero on."""
+def fit(
+    bench: Bench, parameters: Sequence[Parameter], progress: Callable[[float], None] = lambda _: None, *,
+    start: Mapping[Parameter, float] | None = None, most: int = MOST_ROUNDS, until: float | None = None,
+) -> Fit:  # fmt: skip
+    """Fit the parameters together. start : where from, by default from zero and the best of some delays;  most :
+    rounds;  until : s since the first event, the whole log by default."""
     prior = np.array([PRIORS[q.what] for q in parameters])
-    cost = Cost(bench, parameters, prior)
-    v, base, scene = swept(cost)
+    cost = Cost(bench, parameters, prior, until)
+    v, base, scene = swept(cost) if start is None else begun(cost, start)
+    own = SLOPES if start is None else SLOPES - 1
     cov, rounds, settled, whole, gradient = np.diag(prior**2), 0, False, True, np.zeros((0, len(parameters)))
-    while rounds < MOST_ROUNDS and not settled:
-        progress(rounds / MOST_ROUNDS)
+    while rounds < most and not settled:
+        progress(rounds / most)
         rounds += 1
-        if fresh := rounds <= SLOPES or not whole:
+        if fresh := rounds <= own or not whole:
             gradient = slopes(cost, v, scene)
         r, J, t = usable(residuals(bench, parameters, v, base, scene), gradient, scene.times)
         w = np.minimum(1.0, HUBER / np.maximum(np.abs(r), 1e-12))
         A = J.T @ (w[:, None] * J) + np.diag(1.0 / prior**2)
-        cov = sandwich(A, w[:, None] * J * r[:, None], t)
+        cov = sandwich(A, w[:, None] * J * r[:, None], t, float(np.mean((w * r) ** 2)))
         step = np.clip(-np.linalg.solve(A, J.T @ (w * r) + v / prior**2), -0.5 * prior, 0.5 * prior)
         if np.all(np.abs(step) < NEAR * np.sqrt(np.diag(cov))):
             v, settled = v + step, True
@@ -101,16 +105,24 @@ class Cost:
     bench: Bench
     parameters: Sequence[Parameter]
     prior: Floats
+    until: float | None
 
     def run(self, v: Floats) -> list[Innovations]:
         """Innovations at values (p,)."""
-        return self.bench.run(dict(zip(self.parameters, v.tolist(), strict=True)))
+        return self.bench.run(dict(zip(self.parameters, v.tolist(), strict=True)), until=self.until)
 
     def __call__(self, v: Floats, run: Sequence[Innovations], scene: Scene) -> float:
         r = residuals(self.bench, self.parameters, v, run, scene)
         a = np.abs(r[np.isfinite(r)])
         fitted = float(np.mean(np.where(a < HUBER, 0.5 * a**2, HUBER * (a - 0.5 * HUBER))))
         return fitted + 0.5 * float(np.sum((v / self.prior) ** 2)) / a.size
+
+
+def begun(cost: Cost, start: Mapping[Parameter, float]) -> tuple[Floats, list[Innovations], Scene]:
+    """Values to start from, with their run."""
+    v = np.array([start[p] for p in cost.parameters])
+    base = cost.run(v)
+    return v, base, scene_of(cost.bench, base)
 
 
 def swept(cost: Cost) -> tuple[Floats, list[Innovations], Scene]:
@@ -168,25 +180,6 @@ def slopes(cost: Cost, v: Floats, scene: Scene) -> Floats:
             ends.append(residuals(cost.bench, cost.parameters, at, cost.run(at), scene))
         columns.append((ends[0] - ends[1]) / (2.0 * STEPS[p.what]))
     return np.column_stack(columns)
-
-
-def sandwich(A: Floats, scores: Floats, t: Floats) -> Floats:
-    """(p, p) A^-1 B A^-1, B by Newey & West over scores (n, p) at times (n,) s; never below A^-1 B0 A^-1, B0 with no
-    correlation between bins."""
-    bins = np.floor((t - t.min()) / BIN_S).astype(np.int64)
-    g = np.zeros((int(bins.max()) + 1, A.shape[0]))
-    np.add.at(g, bins, scores)
-    alone = g.T @ g
-    together = alone.copy()
-    lags = round(LAG_S / BIN_S)
-    for k in range(1, lags + 1):
-        if k < len(g):
-            cross = g[k:].T @ g[:-k]
-            together += (1.0 - k / (lags + 1)) * (cross + cross.T)
-    inverse = np.linalg.inv(A)
-    wide, plain = (inverse @ M @ inverse for M in (together, alone))
-    grow = np.sqrt(np.maximum(np.diag(plain) / np.maximum(np.diag(wide), 1e-300), 1.0))
-    return wide * np.outer(grow, grow)
 
 
 __all__ = ["Fit", "fit"]

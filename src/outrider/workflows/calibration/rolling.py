@@ -1,7 +1,7 @@
-"""What wheels and IMU tell of each other without any filter: clock, turn rates, mount of the IMU."""
+"""Rows of what wheels and IMU tell of each other without any filter: clocks, geometry of the base, mount of the IMU."""
 
-from dataclasses import dataclass, replace
-from typing import Final, final
+from dataclasses import replace
+from typing import Final
 
 import numpy as np
 
@@ -9,8 +9,8 @@ from outrider.core.angles import wrap_all
 from outrider.core.attitudes import matrices_to_quats, quats_to_rpy
 from outrider.data import Kind, Stream
 from outrider.typing import Floats
-from outrider.workflows.calibration.fit import SURE, sandwich
 from outrider.workflows.calibration.row import Row, row_of
+from outrider.workflows.calibration.turning import Against, turning
 from outrider.workflows.config import FuseConfig, SourceSection
 from outrider.workflows.doctor.examine import Patient, told_mount, upright
 from outrider.workflows.doctor.mounting import STEP, turned
@@ -22,20 +22,18 @@ from outrider.workflows.doctor.signals import (
     seconds,
     signal,
     speed,
-    turn_rate_of_wheels,
 )
 from outrider.workflows.findings.records import mean_force
 from outrider.workflows.parameters import WIDEST, What
+from outrider.workflows.sandwich import SURE
 
-WINDOW: Final = 0.4  # s over which turn rates are compared: longer than a period of most wheels
-FEW: Final = 100  # comparisons
-MOST: Final = 1.0  # s: clocks further apart are the doctor's
-COARSE: Final = 0.05  # s between the lags tried
-CLEAR: Final = 1.2  # how much worse any other lag must be
-ROUNDS: Final = 6
-TURNING: Final = 0.05  # rad/s: deviation of a turn rate that tells a scale
 WIDEST_DEG: Final = 5.0  # half of the widest interval of an angle that still says something
 AGAINST_GYRO: Final = "turn rate scale against the gyro"
+BASE: Final = "wheel base"
+TRACK: Final = "wheel track"
+ZERO: Final = "steering zero"
+WIDEST_SHARE: Final = 0.05  # of a wheel base or track
+NORMAL: Final = 1.96  # deviations of a 95 % interval whose deviation is known
 LEVEL: Final = 0.03  # m/s^2: what a calibrated accelerometer is off by, one sigma; it tilts what gravity says
 
 
@@ -47,27 +45,39 @@ def rolling_rows(p: Patient, cfg: FuseConfig) -> list[Row]:
         return []
     out: list[Row] = []
     rolling: Signal | None = None
-    for s in p.usable(Kind.TWIST, Kind.ACKERMANN):
-        v, w = speed(p.log, s), turn_rate_of_wheels(p.log, s)
+    for s in p.usable(Kind.TWIST, Kind.ACKERMANN, Kind.WHEELS):
+        v, found = speed(p.log, s), turning(p.log, s, gyro)
         lag = 0.0
-        if w is not None:
-            found = against(gyro, w)
-            out += wheel_rows(cfg, s.name, found)
+        if found is not None:
+            out += wheel_rows(cfg, s, found)
             lag = found.lag if SURE * found.sds[0] <= WIDEST[What.DELAY] else 0.0
         if rolling is None and v is not None:
             rolling = Signal(v.source, v.t - lag, v.y)
     return out + (mount_rows(p, cfg, imu, rolling) if rolling is not None else [])
 
 
-def wheel_rows(cfg: FuseConfig, name: str, found: "Against") -> list[Row]:
-    """Delay and turn rates of wheels."""
-    told = cfg.sources.get(name, SourceSection())
-    late, gain = told.delay_s + found.lag, told.rate_gain * found.gain
-    half = SURE * found.sds[0], abs(told.rate_gain) * SURE * found.sds[1]
-    clock = row_of(name, What.DELAY.value, "s", told.delay_s, late, half[0], WIDEST[What.DELAY])
-    turns = row_of(name, AGAINST_GYRO, "", told.rate_gain, gain, half[1], WIDEST[What.RATE])
-    rows = ((clock, "delay_s", late), (turns, "rate_gain", gain))
-    return [replace(r, section={"sources": {name: {key: round(x, 5)}}}) if r.differs else r for r, key, x in rows]
+def wheel_rows(cfg: FuseConfig, s: Stream, found: Against) -> list[Row]:
+    """Delay of wheels, and what their turning tells: a gain, a wheel base with the steering's zero, a track."""
+    told = cfg.sources.get(s.name, SourceSection())
+    late, half = told.delay_s + found.lag, SURE * found.sds[0]
+    rows = [("delay_s", 5, row_of(s.name, What.DELAY.value, "s", told.delay_s, late, half, WIDEST[What.DELAY]))]
+    if s.kind is Kind.TWIST:
+        gain, half = told.rate_gain / found.slope, abs(told.rate_gain) * SURE * found.sds[1] / found.slope**2
+        rows.append(("rate_gain", 5, row_of(s.name, AGAINST_GYRO, "", told.rate_gain, gain, half, WIDEST[What.RATE])))
+    else:
+        key, what, known = ("wheel_base_m", BASE, told.wheel_base_m) if s.kind is Kind.ACKERMANN else (
+            "track_m", TRACK, told.track_m
+        )  # fmt: skip
+        widest = WIDEST_SHARE * found.slope
+        known = known if known is not None else float("nan")
+        rows.append((key, 4, row_of(s.name, what, "m", known, found.slope, SURE * found.sds[1], widest)))
+    if s.kind is Kind.ACKERMANN:
+        zero, half = np.degrees([found.zero, SURE * found.sds[2]]).tolist()
+        zero += told.steering_zero_deg
+        row = row_of(s.name, ZERO, "deg", told.steering_zero_deg, zero, half, WIDEST_DEG)
+        rows.append(("steering_zero_deg", 3, row))
+    return [replace(r, section={"sources": {s.name: {key: round(r.value, n)}}}) if r.differs else r
+            for key, n, r in rows]  # fmt: skip
 
 
 def mount_rows(p: Patient, cfg: FuseConfig, imu: Stream, rolling: Signal) -> list[Row]:
@@ -97,67 +107,6 @@ def told_place(p: Patient, imu: Stream) -> list[float]:
     return p.log.mounts[imu.frame][:3, 3].tolist() if imu.frame in p.log.mounts else [0.0, 0.0, 0.0]
 
 
-@final
-@dataclass(frozen=True, slots=True)
-class Against:
-    """Wheels against a gyro. lag : s that their stamps are late;  gain : that makes their turn rates the gyro's;
-    sds : of both, inf where the motion does not tell."""
-
-    lag: float
-    gain: float
-    sds: tuple[float, float]
-
-
-UNKNOWN: Final = Against(0.0, 1.0, (np.inf, np.inf))
-
-
-def against(gyro: Signal, wheels: Signal) -> Against:
-    """Clock and turn rate of wheels against a gyro, by means over windows.
-
-    wheels(t + lag) = slope gyro(t) + offset + noise, by Gauss-Newton from the best lag of a search; the gyro is by far
-    the better one, and so stands on the right; gain = 1/slope.
-    """
-    at = instants(gyro, wheels, 0.5 * WINDOW)
-    at = at[(at > at.min() + MOST) & (at < at.max() - MOST)] if len(at) else at
-    y = wheels.mean(at, WINDOW)
-    tried = np.arange(-MOST, MOST + 0.5 * COARSE, COARSE)
-    left = np.array([misfit(gyro.mean(at - lag, WINDOW), y) for lag in tried])
-    if not np.isfinite(left).any():
-        return UNKNOWN
-    best = int(np.nanargmin(left))
-    others = left[np.abs(tried - tried[best]) > 0.5]
-    if best in (0, len(tried) - 1) or not others.min() > CLEAR * left[best]:
-        return UNKNOWN
-    return refined(gyro, y, at, float(tried[best]))
-
-
-def misfit(x: Floats, y: Floats) -> float:
-    """Mean square of what a line through x leaves of y; NaN where x does not turn."""
-    good = np.isfinite(x) & np.isfinite(y)
-    if good.sum() < FEW or np.std(x[good]) < TURNING:
-        return float("nan")
-    x, y = x[good] - x[good].mean(), y[good] - y[good].mean()
-    return float(np.mean((y - (x @ y) / (x @ x) * x) ** 2))
-
-
-def refined(gyro: Signal, y: Floats, at: Floats, lag: float) -> Against:
-    """The search's end, and how sure it is."""
-    beta, cov = np.ones(3), np.eye(3)
-    for _ in range(ROUNDS):
-        x, slope = gyro.mean(at - lag, WINDOW), gyro.slope(at - lag, WINDOW)
-        good = np.isfinite(x) & np.isfinite(y) & np.isfinite(slope)
-        M = np.column_stack([x[good], np.ones(good.sum()), -beta[0] * slope[good]])
-        A = M.T @ M + 1e-12 * np.eye(3)
-        beta = np.linalg.solve(A, M.T @ y[good])
-        cov = sandwich(A, M * (y[good] - M @ beta)[:, None], at[good])
-        lag += float(np.clip(beta[2], -COARSE, COARSE))
-    if abs(beta[0]) < 0.1:
-        return UNKNOWN
-    return Against(
-        lag, 1.0 / float(beta[0]), (float(np.sqrt(cov[2, 2])), float(np.sqrt(cov[0, 0])) / float(beta[0]) ** 2)
-    )
-
-
 def mount_angles(p: Patient, s: Stream, rolling: Signal | None) -> tuple[Floats, Floats] | None:
     """Roll, pitch, yaw (3,) [rad] of the IMU on the body, and half of their 95 % intervals; None without gravity.
 
@@ -179,5 +128,5 @@ def mount_angles(p: Patient, s: Stream, rolling: Signal | None) -> tuple[Floats,
         asked[:, 1] = rolling.mean(at, FORCES) * (turn.mean(at, FORCES) if turn is not None else 0.0)
         for _ in range(2):
             R, sd = turned(axes, np.nanmean(f - asked @ R, axis=0), rolling, turn)  # type: ignore[arg-type]
-    tilt = LEVEL / GRAVITY
-    return quats_to_rpy(matrices_to_quats(R)).ravel(), SURE * np.array([tilt, tilt, sd])
+    tilt = NORMAL * LEVEL / GRAVITY
+    return quats_to_rpy(matrices_to_quats(R)).ravel(), np.array([tilt, tilt, SURE * sd])

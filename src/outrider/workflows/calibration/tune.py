@@ -1,11 +1,11 @@
-"""Noise of sources from a log: the factor of each one's standard deviations at which its innovations are likeliest.
+"""Noise of sources and of the motion from a log, as a configuration: kept only where a half that it has not seen gains.
 
-Coordinate descent on the log-likelihood sum -(nis + log det S)/2 of everything fused, over the first half of the log;
-the second half says what it is worth (held-out NIS). Only sources that tell where the vehicle is, or how it moves over
-ground: what gyro and wheels of a planar robot say is hidden behind the motion that its process allows at their rate.
+The first half of the log says which factors are likeliest (`noise.loudness`), the second what they are worth. Factors
+are tried in one go; if the second half is not likelier with all of them, those of the sources alone are tried, and then
+nothing is changed.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final, final
 
@@ -13,95 +13,95 @@ import numpy as np
 
 from outrider.data import EventLog
 from outrider.io.config import merged
-from outrider.workflows.assembly import RELATIVE
-from outrider.workflows.bench import Bench, Innovations
+from outrider.workflows.bench import Bench
+from outrider.workflows.calibration.noise import Said, knobs, loudness, said
 from outrider.workflows.config import FuseConfig, SourceSection
+from outrider.workflows.parameters import Noise
 
-FACTORS: Final = (4.0, 2.0, 1.4, 1.15)  # tried up and down, coarse to fine
-LIMITS: Final = (0.05, 50.0)
-CLIP: Final = 25.0  # NIS per degree of freedom at which one record's say stops growing
-WORTH: Final = 4.0  # log-likelihood that a factor must win
-FEW: Final = 20  # records in either half
+POLISH: Final = 80  # runs of half the log
+LEAST: Final = 0.05  # relative change that is worth a line
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Changed:
+    """One standard deviation. name : of a source or of a density of the process;  factor : what multiplies it;
+    value : what the configuration then says."""
+
+    name: str
+    factor: float
+    value: float
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {"name": self.name, "factor": self.factor, "value": self.value}
 
 
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tuned:
-    """One source. scale : what multiplies its standard deviations;  before, after : NIS per degree of freedom of the
-    second half, which the factors have not seen."""
+    """What tuning did. changes : empty if nothing gained;  before, after : log-likelihood (to a constant) and NIS per
+    degree of freedom of the second half, which the factors have not seen."""
 
-    source: str
-    scale: float
-    before: float
-    after: float
+    changes: tuple[Changed, ...]
+    before: Said
+    after: Said
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
-        return {"source": self.source, "scale": self.scale, "nis_before": self.before, "nis_after": self.after}
+        return {
+            "changes": [c.as_dict() for c in self.changes],
+            "likelihood_before": self.before.likelihood, "likelihood_after": self.after.likelihood,
+            "nis": {n: {"before": x, "after": self.after.nis.get(n)} for n, x in self.before.nis.items()},
+        }  # fmt: skip
 
 
-def tune(log: EventLog, cfg: FuseConfig, progress: Callable[[str, float], None]) -> tuple[list[Tuned], FuseConfig]:
-    """The factors of all fused sources that are not told, and the configuration with those that matter."""
-    half = 0.5 * log.duration
-    bench = Bench(log, cfg)
-    names = [n for n in sources(bench, half) if "scale" not in cfg.sources.get(n, SourceSection()).model_fields_set]
-    scale = dict.fromkeys(names, 1.0)
-    best, first = likelihood(log, with_scales(cfg, scale), half)
-    for k, factor in enumerate(FACTORS):
-        progress("tuning", k / len(FACTORS))
-        for name in names:
-            for way in (factor, 1.0 / factor):
-                trial = {**scale, name: float(np.clip(scale[name] * way, *LIMITS))}
-                value, _ = likelihood(log, with_scales(cfg, trial), half)
-                if value > best + WORTH:
-                    best, scale = value, trial
-                    break
-    tuned = with_scales(cfg, {n: round(s, 3) for n, s in scale.items() if s != 1.0})
-    _, last = likelihood(log, tuned, half)
-    return [Tuned(source=n, scale=scale[n], before=first[n], after=last[n]) for n in names], tuned
-
-
-def with_scales(cfg: FuseConfig, scale: dict[str, float]) -> FuseConfig:
-    """The configuration with these factors."""
-    more = {"sources": {name: {"scale": value} for name, value in scale.items()}}
-    return FuseConfig.model_validate(merged(cfg.model_dump(exclude_unset=True), more)) if scale else cfg
-
-
-def sources(bench: Bench, half: float) -> list[str]:
-    """Streams of fused absolute measurements with enough records in both halves."""
+def tune(log: EventLog, cfg: FuseConfig, progress: Callable[[str, float], None]) -> tuple[Tuned, FuseConfig]:
+    """What tuning changes of all that is not told, and the configuration with it."""
+    bench, half = Bench(log, cfg), 0.5 * log.duration
     cut = bench.start + int(half * 1e9)
-    out: dict[str, None] = {}
-    for c, part in zip(bench.channels, bench.parts, strict=True):
-        if (
-            c.sensor is not None
-            and c.sensor not in RELATIVE
-            and not c.scored
-            and min((part.t < cut).sum(), (part.t >= cut).sum()) >= FEW
-        ):
-            out[c.stream] = None
-    return list(out)
+    free = [n for n in knobs(bench, cut) if not stated(cfg, bench, n)]
+    found = loudness(bench, free, {}, half, lambda done: progress("tuning", done), polish=POLISH)
+    before = held(bench, {}, cut)
+    for kept in (found, {n: f for n, f in found.items() if n.row is None}):
+        some = {n: f for n, f in kept.items() if abs(f - 1.0) > LEAST}
+        after = held(bench, some, cut)
+        if some and after.likelihood > before.likelihood:
+            changes = tuple(change(bench, n, f) for n, f in some.items())
+            return Tuned(changes=changes, before=before, after=after), changed(cfg, bench, some, changes)
+    return Tuned(changes=(), before=before, after=before), cfg
 
 
-def likelihood(log: EventLog, cfg: FuseConfig, half: float) -> tuple[float, dict[str, float]]:
-    """Log-likelihood of the first half, and NIS per degree of freedom of the second by stream."""
-    bench = Bench(log, cfg)
-    cut = bench.start + int(half * 1e9)
-    total, late = 0.0, dict[str, tuple[float, int]]()
-    for c, part, one in zip(bench.channels, bench.parts, bench.run({}), strict=True):
-        if c.scored or c.sensor is None:
-            continue
-        total += said(one, part.t < cut)
-        ok = (one.dof > 0) & (part.t >= cut)
-        nis, dof = late.get(c.stream, (0.0, 0))
-        late[c.stream] = nis + float(np.sum(one.nis[ok])), dof + int(one.dof[ok].sum())
-    return total, {name: nis / max(dof, 1) for name, (nis, dof) in late.items()}
+def stated(cfg: FuseConfig, bench: Bench, n: Noise) -> bool:
+    """Whether the configuration says it already."""
+    if n.row is None:
+        return "scale" in cfg.sources.get(n.name, SourceSection()).model_fields_set
+    return getattr(getattr(cfg, bench.motion.name.lower()), n.name) is not None
 
 
-def said(i: Innovations, rows: "np.ndarray") -> float:
-    """Log-likelihood (to a constant) of some records."""
-    ok = (i.dof > 0) & rows
-    s = i.s[ok]
-    return -0.5 * float(np.sum(np.fmin(i.nis[ok], CLIP * i.dof[ok])) + 2.0 * np.log(np.where(s > 0.0, s, 1.0)).sum())
+def held(bench: Bench, factors: Mapping[Noise, float], cut: int) -> Said:
+    """What the second half says with these factors."""
+    b = bench.noisy(factors)
+    return said(b, b.run({}), np.greater_equal, cut)
 
 
-__all__ = ["Tuned", "tune"]
+def change(bench: Bench, n: Noise, factor: float) -> Changed:
+    """A factor with what it makes."""
+    value = factor if n.row is None else factor * float(bench.filter.theta[n.row])
+    return Changed(name=n.name, factor=factor, value=float(f"{value:.3g}"))
+
+
+def changed(
+    cfg: FuseConfig, bench: Bench, factors: Mapping[Noise, float], changes: tuple[Changed, ...]
+) -> FuseConfig:  # fmt: skip
+    """The configuration with these values."""
+    more: dict[str, Any] = {}
+    for n, c in zip(factors, changes, strict=True):
+        where = {"sources": {n.name: {"scale": c.value}}} if n.row is None else {
+            bench.motion.name.lower(): {n.name: c.value}
+        }  # fmt: skip
+        more = merged(more, where)
+    return FuseConfig.model_validate(merged(cfg.model_dump(exclude_unset=True), more))
+
+
+__all__ = ["Changed", "Tuned", "tune"]

@@ -12,8 +12,9 @@ from outrider.io.config import merged
 from outrider.typing import Floats, Ints
 from outrider.workflows.config import FuseConfig
 from outrider.workflows.discover import find_datum, scaled, screened
-from outrider.workflows.doctor.lags import Lag, correlation, lag_between
+from outrider.workflows.doctor.lags import Lag, alike, correlation, lag_between
 from outrider.workflows.doctor.mounting import Turned, angle_between, mount_of
+from outrider.workflows.doctor.ranges import range_scale, told
 from outrider.workflows.doctor.signals import (
     ABSURD,
     GRAVITY,
@@ -37,7 +38,10 @@ SURE: Final = 5.0  # deviations that a lag must be from none
 MISMOUNTED: Final = np.radians(20.0)  # from the mount that is told, or from straight
 ALIKE: Final = 0.7  # correlation of two turn rates that decides about a sense of rotation
 LIKE_UNIT: Final = 0.15  # relative departure from a factor between units
+RANGE_OFF: Final = 0.01  # departure of a range scale from one
+COURSES: Final = 30  # of them that decide
 COURSE_WINDOW: Final = 2.0  # s over which a course says how fast it turns
+COURSE_STEPS: Final = (1.0, 2.0)  # s over which its positions are averaged, where one by one they are too noisy
 
 
 @final
@@ -97,9 +101,12 @@ def examine(log: EventLog, cfg: FuseConfig) -> Examination:
     wheel_units(p)
     for imu in list(p.usable(Kind.IMU)):
         senses(p, imu)
+    if all(upright(p, imu) is None for imu in p.usable(Kind.IMU)):
+        sense_of_wheels(p)
     for imu in list(p.usable(Kind.IMU)):  # with their senses mended
         mounts(p, imu)
     clocks(p)
+    range_scales(p)
     return Examination(tuple(p.findings), p.prescribed)
 
 
@@ -172,10 +179,10 @@ def wheels_turn(p: Patient) -> Signal | None:
 def senses(p: Patient, s: Stream) -> None:
     """Who turns the wrong way round: gyro, accelerometer or wheels; the path over ground decides."""
     gyro, wheels = upright(p, s), wheels_turn(p)
-    both = lag_between(gyro, wheels) if gyro is not None and wheels is not None else None
-    if both is None or both.r > 0.0 or gyro is None or wheels is None:
+    r = alike(gyro, wheels) if gyro is not None and wheels is not None else 0.0
+    if r >= 0.0 or gyro is None or wheels is None:
         return
-    text = f"{s.name} and {wheels.source} turn opposite ways (correlation {both.r:.2f}): "
+    text = f"{s.name} and {wheels.source} turn opposite ways (correlation {r:.2f}): "
     side = next((x for way in paths(p) if (x := course_side(way, wheels)) != 0.0), 0.0)
     if side == 0.0:
         fix = f"find out which is wrong, and set its `rate_gain: -1` (or `force_gain: -1` of {s.name})"
@@ -191,14 +198,28 @@ def senses(p: Patient, s: Stream) -> None:
             p.note(warning("turn-sense", text + why, s.name, f"sources: {{{s.name}: {{{key}: -1}}}}"))
 
 
-def course_side(way: Path, turn: Signal) -> float:
+def sense_of_wheels(p: Patient) -> None:
+    """Wheels that turn the wrong way round, where no gyro is there to be compared with: the course says so alone."""
+    wheels = wheels_turn(p)
+    if wheels is None:
+        return
+    against = next((way.source for way in paths(p) if course_side(way, wheels) < 0.0), None)
+    if against is not None and p.prescribe(wheels.source, rate_gain=-1.0):
+        text = f"{wheels.source} turns opposite to the course over ground of {against}: its turn rate is mirrored"
+        p.note(warning("turn-sense", text, wheels.source, f"sources: {{{wheels.source}: {{rate_gain: -1}}}}"))
+
+
+def course_side(whole: Path, turn: Signal) -> float:
     """+1 if the course turns as the signal says, -1 if the other way, 0 if that cannot be told."""
-    course = way.turn_rate()
-    if course is None:
-        return 0.0
-    at = instants(turn, course, 0.5 * COURSE_WINDOW)
-    r = correlation(turn.mean(at, COURSE_WINDOW), course.mean(at, COURSE_WINDOW))
-    return float(np.sign(r)) if abs(r) > ALIKE else 0.0
+    for way in (whole, *(whole.in_steps(step) for step in COURSE_STEPS)):
+        course = way.turn_rate()
+        if course is None:
+            continue
+        at = instants(turn, course, 0.5 * COURSE_WINDOW)
+        r = correlation(turn.mean(at, COURSE_WINDOW), course.mean(at, COURSE_WINDOW), COURSES)
+        if abs(r) > ALIKE:
+            return float(np.sign(r))
+    return 0.0
 
 
 def mounts(p: Patient, s: Stream) -> None:
@@ -264,6 +285,26 @@ def clocks(p: Patient) -> None:
             if both is not None and abs(both.lag) > max(LATE, SURE * both.sd):
                 say_lag(p, both)
         break
+
+
+def range_scales(p: Patient) -> None:
+    """Ranges that are too long in proportion, by the places of their beacons."""
+    known = {**p.log.beacons, **{float(b.id): b.xyz_m for b in p.given.beacons}}
+    rolling = next((v for w in p.usable(Kind.TWIST) if (v := speed(p.log, w)) is not None), None)
+    turning = next((g for s in p.usable(Kind.IMU) if (g := upright(p, s)) is not None), wheels_turn(p))
+    if rolling is None or turning is None:
+        return
+    for s in list(p.usable(Kind.RANGE)):
+        s = s.select(np.argsort(s.t, kind="stable"))
+        s = s.select(np.isin(s.z[:, 0], list(known)))
+        if len(set(s.z[:, 0].tolist())) < 3:
+            continue
+        places = np.array([known[float(b)] for b in s.z[:, 0]], np.float64)
+        found = range_scale(seconds(p.log, s), s.z[:, 1], places, rolling, turning)
+        if found is None or abs(found.scale - 1.0) < max(RANGE_OFF, SURE * found.sd):
+            continue
+        if p.prescribe(s.name, range_gain=round(1.0 / found.scale, 4)):
+            p.note(told(found, s.name))
 
 
 def say_lag(p: Patient, found: Lag) -> None:

@@ -11,7 +11,9 @@ from outrider.workflows.doctor.signals import Signal, instants
 MOST: Final = 2.0  # s: clocks further apart are another fault
 STEPS: Final = (0.05, 0.01)  # s of the first search and of the second
 LIKE: Final = 0.6  # correlation below which two signals do not tell the same motion
-CLEAR: Final = 0.02  # by which the best lag must correlate better than any that lies a window off
+CLEAR: Final = 10.0  # log-likelihood that the best lag must have over any that lies a window off
+LEAST: Final = 1e-4  # of the power: two sources of one motion are never more alike
+NEAR_S: Final = 0.5  # s: of clocks when only the sense of a motion is asked for
 FEW: Final = 100  # instants compared, at least
 LEAST_WINDOW: Final = 0.2  # s
 BETWEEN: Final = 0.1  # of a period: what interpolation between noisy samples adds to the deviation of a lag
@@ -51,7 +53,7 @@ def lag_between(a: Signal, b: Signal) -> Lag | None:
         return None
     sign = np.sign(likeness[best])
     away = np.abs(lags - lags[best]) > max(2.0 * window, 0.5)
-    if np.any(sign * likeness[away] > sign * likeness[best] - CLEAR):
+    if np.any(unlike(likeness[away], sign) < unlike(likeness[best], sign) * np.exp(2.0 * CLEAR / (0.5 * len(at)))):
         return None
     near = lags[best] + np.arange(-STEPS[0], STEPS[0] + 0.5 * STEPS[1], STEPS[1])
     likeness = sign * np.array([correlation(mine, b.mean(at + lag, window)) for lag in near])
@@ -64,10 +66,28 @@ def lag_between(a: Signal, b: Signal) -> Lag | None:
     return fitted(a, b, at, window, float(lag))
 
 
-def correlation(x: Floats, y: Floats) -> float:
-    """Pearson's r of what is finite in both."""
+def unlike(r: Floats, sign: float) -> Floats:
+    """Share of the power that a line leaves where the correlation is r, all of it where that has the wrong sign. A
+    likelihood of n windows grows by n/2 times the logarithm of its ratio; every other window here is one of its own."""
+    return np.asarray(1.0 - np.maximum(sign * r, 0.0) ** 2 + LEAST, np.float64)
+
+
+def alike(a: Signal, b: Signal) -> float:
+    """The correlation of largest magnitude within `NEAR_S` of no lag, 0 where the two do not tell the same motion."""
+    window = max(2.0 * a.period, 2.0 * b.period, LEAST_WINDOW)
+    at = instants(a, b, 0.5 * window)
+    if len(at) < FEW:
+        return 0.0
+    lags = np.arange(-NEAR_S, NEAR_S + 0.5 * STEPS[0], 2.0 * STEPS[0])
+    r = np.nan_to_num([correlation(a.mean(at, window), b.mean(at + lag, window)) for lag in lags])
+    best = float(r[np.argmax(np.abs(r))])
+    return best if abs(best) > LIKE else 0.0
+
+
+def correlation(x: Floats, y: Floats, few: int = FEW) -> float:
+    """Pearson's r of what is finite in both; NaN of less than a few."""
     good = np.isfinite(x) & np.isfinite(y)
-    if good.sum() < FEW:
+    if good.sum() < few:
         return float("nan")
     x, y = x[good] - x[good].mean(), y[good] - y[good].mean()
     size = float(np.sqrt((x @ x) * (y @ y)))

@@ -8,11 +8,13 @@ import numpy as np
 
 from outrider.typing import Floats
 from outrider.workflows.doctor.signals import Signal, instants
+from outrider.workflows.sandwich import sandwich
 
 WINDOW: Final = 1.0  # s over which accelerations are compared
 STEP: Final = 0.25  # s between comparisons
 FEW: Final = 60  # comparisons
 NEAR: Final = np.radians(12.0)  # so near to right angles a bracket is meant to be at right angles
+LEAST_GAIN: Final = 1e-6
 SURE: Final = np.radians(8.0)  # deviation of the direction of travel within which it counts as found
 
 
@@ -86,24 +88,27 @@ def turned(
     if good.sum() < FEW:
         return level, np.inf
     a = a[good] @ level.T
-    psi, sd = direction(expected[good], a[:, 0] + 1j * a[:, 1])
+    psi, sd = direction(expected[good], a[:, 0] + 1j * a[:, 1], at[good])
     if sd >= SURE:  # yaw is free: of the right-angled mounts that put the same axis up the one that turns least
         return level, np.inf
     c, s = np.cos(psi), np.sin(psi)
     return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) @ level, sd
 
 
-def direction(expected: "np.ndarray", h: "np.ndarray") -> tuple[float, float]:
-    """psi [rad] and its deviation; neighbouring windows overlap, which is accounted for."""
+def direction(expected: "np.ndarray", h: "np.ndarray", t: Floats) -> tuple[float, float]:
+    """psi [rad] and its deviation: d psi = Im sum conj(g expected) left / (|g|^2 sum |expected|^2), g = e^{i psi} times
+    what scales the accelerations. t : (n,) s; windows overlap, and slopes of noise cancel over time."""
     expected, h = expected - expected.mean(), h - h.mean()
     power = float(np.sum(np.abs(expected) ** 2))
     if power <= 0.0:
         return 0.0, np.inf
     gain = np.vdot(expected, h) / power
-    left = h - gain * expected
-    independent = len(h) * STEP / WINDOW
-    noise = float(np.mean(np.abs(left) ** 2)) / 2.0
-    sd = np.sqrt(noise * len(h) / independent / power) / max(abs(gain), 1e-9)
+    if abs(gain) < LEAST_GAIN:
+        return 0.0, np.inf
+    turned = gain * expected
+    left = h - turned
+    scores, scatter = np.imag(np.conj(turned) * left)[:, None], float(np.mean(np.abs(left) ** 2)) / 2.0
+    sd = np.sqrt(sandwich(np.array([[abs(gain) ** 2 * power]]), scores, t, scatter)[0, 0])
     return float(np.angle(gain)), float(sd)
 
 

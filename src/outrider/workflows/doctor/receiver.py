@@ -1,21 +1,24 @@
 """How late a receiver is stamped against an IMU that drives the estimate, by the likelihood of innovations.
 
 What a flight shows in common to both, accelerations, drowns in vibration and between two fixes; the whole filter weighs
-all of it. One run of the log, start and all, per delay: three to see whether there is anything, then a search.
+all of it. One run of the log per delay: three to see whether there is anything, then a search.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Final, final
 
 import numpy as np
 
 from outrider.data import EventLog, Finding, Kind
+from outrider.data.evidence import Curve, Evidence
 from outrider.errors import OutriderError
+from outrider.filters.align import Alignment
 from outrider.models.motion import Motion
 from outrider.typing import Floats
 from outrider.workflows.bench import Bench, Innovations
 from outrider.workflows.config import FuseConfig, SourceSection
+from outrider.workflows.discover import choose_motion, screened
 from outrider.workflows.findings.say import warning
 from outrider.workflows.parameters import Parameter, What
 
@@ -28,30 +31,34 @@ CLIP: Final = 25.0  # NIS per degree of freedom at which one record's say stops 
 TEMPER: Final = 2.0  # log-likelihoods are divided by this, for no model is quite true
 HARMLESS: Final = 0.06  # s
 SURE: Final = 3.0  # deviations that a delay must be from none
-GAIN: Final = 10.0  # log-likelihood that it must win over none, and over any other far from it
+GAIN: Final = 10.0  # log-likelihood that it must win over any other far from it
 FAR: Final = 0.3  # s
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class Late:
-    """streams : of the receiver;  delay : s that their stamps are late;  sd : of it."""
+    """streams : of the receiver;  delay : s that their stamps are late;  sd : of it;  tried : (2, n) delays [s] and
+    log-likelihoods of the innovations."""
 
     streams: tuple[str, ...]
     delay: float
     sd: float
+    tried: Floats = field(compare=False)
 
 
 def receiver_clock(log: EventLog, cfg: FuseConfig) -> Late | None:
     """The delay of the first receiver against the IMU; None where it is none, not clear, or already told."""
     if not log.of(Kind.IMU) or not log.of(Kind.GNSS, Kind.POSITION):
         return None
+    if choose_motion(log, cfg, screened(log)) is not Motion.STRAPDOWN:
+        return None
     try:
         bench = Bench(log, cfg)
     except OutriderError:
         return None  # the job itself says what is wrong
     groups = bench.receivers()
-    if bench.motion is not Motion.STRAPDOWN or len(groups) != 1:
+    if len(groups) != 1:
         return None
     if any("delay_s" in cfg.sources.get(name, SourceSection()).model_fields_set for name in groups[0]):
         return None
@@ -60,7 +67,7 @@ def receiver_clock(log: EventLog, cfg: FuseConfig) -> Late | None:
 
 def search(bench: Bench, p: Parameter) -> Late | None:
     """The delay at which the innovations are least surprising."""
-    fit = likelihoods(bench, p)
+    fit = likelihoods(bench, p, bench.aligned)
     here, nis = fit(0.0)
     if here >= max(fit(-FIRST)[0], fit(FIRST)[0]) and nis < FITS:
         return None
@@ -69,7 +76,7 @@ def search(bench: Bench, p: Parameter) -> Late | None:
     others = scores[np.abs(SEARCH - best) > FAR]
     if abs(best) > SEARCH[-1] - FAR or others.size == 0 or scores.max() - others.max() < GAIN:
         return None
-    sd = np.inf
+    sd, fit = np.inf, likelihoods(bench, p, bench.align({p: best}))
     for step in NARROWER:
         low, mid, high = (fit(best + k * step)[0] for k in (-1, 0, 1))
         bend = low - 2.0 * mid + high
@@ -77,18 +84,18 @@ def search(bench: Bench, p: Parameter) -> Late | None:
             return None
         best += float(np.clip(0.5 * (low - high) / bend, -1.5, 1.5)) * step
         sd = float(np.sqrt(TEMPER / -bend)) * step
-    clear = abs(best) > max(HARMLESS, SURE * sd) and fit(best)[0] - here > GAIN
-    return Late(p.streams, best, sd) if clear else None
+    clear = abs(best) > max(HARMLESS, SURE * sd) and fit(best)[0] - max(here, fit(0.0)[0]) > 0.5 * SURE**2
+    return Late(p.streams, best, sd, np.stack([SEARCH, scores]).astype(np.float64)) if clear else None
 
 
-def likelihoods(bench: Bench, p: Parameter) -> Callable[[float], tuple[float, float]]:
-    """Log-likelihood (to a constant) and NIS per degree of freedom of the receiver's records by delay."""
+def likelihoods(bench: Bench, p: Parameter, start: Alignment) -> Callable[[float], tuple[float, float]]:
+    """Log-likelihood (to a constant) and NIS per degree of freedom of the receiver's records by delay, from one start:
+    a delay hardly turns it, and the filter forgets it."""
     own = [k for k, c in enumerate(bench.channels) if c.stream in p.streams and not c.scored]
     seen: dict[float, tuple[float, float]] = {}
 
     def fit(delay: float) -> tuple[float, float]:
         if delay not in seen:
-            start = bench.align({p: delay})
             run = bench.run({p: delay}, start=start, until=start.t_start + LONGEST_S)
             said = [say(run[k]) for k in own]
             dof = sum(s[2] for s in said)
@@ -111,7 +118,18 @@ def told(found: Late) -> Finding:
     way = "late" if found.delay > 0 else "early"
     name, delay = found.streams[0], round(found.delay, 3)
     text = f"{name} is stamped {abs(delay):.2f} s (+-{2 * found.sd:.2f}) too {way} against the IMU: taken off"
-    return warning("clock-offset", text, name, f"sources: {{{name}: {{delay_s: {delay}}}}}")
+    said = warning("clock-offset", text, name, f"sources: {{{name}: {{delay_s: {delay}}}}}")
+    return replace(said, evidence=shown(found))
+
+
+def shown(found: Late) -> Evidence:
+    """How well the positions fit by delay."""
+    delays, fits = found.tried
+    return Evidence(
+        x_label=f"{found.streams[0]} taken as late by [s]", y_label="fit (log-likelihood)",
+        curves=(Curve(x=delays, y=fits - fits.max()),), at=((0.0, "as stamped"), (found.delay, "fits best")),
+        text="A minute of the log was fused once per delay: how well the positions fit what the IMU tells.",
+    )  # fmt: skip
 
 
 __all__ = ["Late", "receiver_clock", "told"]

@@ -44,7 +44,14 @@ class Visit:
             "outcome": self.run.outcome.name.lower(),
             "sources": [_row(s, roles_of(self.run).get(s.name, "")) for s in self.log],
             "findings": [
-                {"severity": f.severity, "code": f.code, "text": f.text, "source": f.source, "fix": f.fix}
+                {
+                    "severity": f.severity,
+                    "code": f.code,
+                    "text": f.text,
+                    "source": f.source,
+                    "fix": f.fix,
+                    "evidence": None if f.evidence is None else f.evidence.as_dict(),
+                }
                 for f in self.findings
             ],
             "configuration": self.config.model_dump(mode="json", exclude_unset=True),

@@ -1,6 +1,6 @@
 """How the sources got on with the estimate: who fell silent, was refused, disagreed, or is too sure of itself."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Final
 
 import numpy as np
@@ -9,10 +9,11 @@ from outrider.data import Account, Finding, Innovations, Run, SensorState, Verdi
 from outrider.filters.align import HEADINGS, Alignment
 from outrider.filters.channels import Channel
 from outrider.models.sensors import Sensor
-from outrider.typing import Floats
+from outrider.typing import Floats, Ints
 from outrider.workflows.clocks import WRONG_STAMPS
 from outrider.workflows.draft import Plan
 from outrider.workflows.findings.say import any_absolute, error, info, warning
+from outrider.workflows.findings.steps import float_steps
 from outrider.workflows.findings.stretches import LOOK, in_order, jump_rows, overclaimed
 
 CONFLICT: Final = np.radians(10.0)  # mean difference of headings worth a line
@@ -107,15 +108,20 @@ def by_stream(run: Run, chosen: Plan) -> Iterator[tuple[str, list[tuple[Channel,
         yield name, [(c, a) for c, a in pairs if c.stream == name]
 
 
+def fused_positions(run: Run, members: Iterable[tuple[Channel, Account]]) -> Ints:
+    """(n,) stamps [ns] of the fused positions of a stream, of any kind of fix, and of the end; none without any."""
+    positions = [run.innovations[c.name] for c, a in members if c.reset[1] and c.name in run.innovations and a.used]
+    used = [i.t[np.isin(i.verdict, [Verdict.USED, Verdict.RESET])] for i in positions]
+    return np.sort(np.concatenate([*used, run.fused.t[-1:]])) if used else np.zeros(0, np.int64)
+
+
 def outages(run: Run, chosen: Plan, aligned: Alignment) -> list[Finding]:
     """Stretches in which a source of position gave none that was fused."""
     out: list[Finding] = []
     for name, members in by_stream(run, chosen):
-        positions = [run.innovations[c.name] for c, a in members if c.reset[1] and c.name in run.innovations and a.used]
-        if not positions:
+        t = fused_positions(run, members)
+        if not len(t):
             continue
-        used = [i.t[np.isin(i.verdict, [Verdict.USED, Verdict.RESET])] for i in positions]
-        t = np.sort(np.concatenate([*used, run.fused.t[-1:]]))
         gaps = np.diff(t) * 1e-9
         long = np.flatnonzero(gaps > max(GAP, 10 * float(np.median(gaps))))
         if long.size:
@@ -140,7 +146,7 @@ def confidence(run: Run, chosen: Plan, aligned: Alignment) -> list[Finding]:
         judged = np.isin(innovations.verdict, [Verdict.USED, Verdict.GATED, Verdict.RESET])
         if judged.sum() < 3 * ENOUGH:
             continue
-        claims = overclaimed(run, chosen, channel)
+        claims = overclaimed(run, chosen, channel) or float_steps(chosen, channel)
         out += claims
         ratio = float(np.median(innovations.nis[judged] / innovations.dof[judged]))
         if ratio > OVERCONFIDENT and not claims:
@@ -180,7 +186,7 @@ def refusals(run: Run, chosen: Plan, aligned: Alignment) -> list[Finding]:
             text = f"{a.source}: {sum(lost.values())} of {total} records refused, mostly because: {why} ({lost[worst]})"
             say = info if worst is Verdict.NO_FIX else warning
             out.append(say("refused", text, a.source, REMEDIES.get(worst, "")))
-        if a.state is SensorState.FAULTED:
+        if a.state is SensorState.FAULTED and not jumped:  # else its jump says so
             out.append(warning("faulted", f"{a.source} ended in the faulted state", a.source))
     return out
 

@@ -1,6 +1,7 @@
 """What the records themselves show, whatever the estimate: mounts, units, noise, clocks."""
 
-from typing import Final
+from collections.abc import Mapping
+from typing import Final, cast
 
 import numpy as np
 
@@ -72,6 +73,10 @@ def unit_of_force(run: Run, chosen: Plan, aligned: Alignment) -> list[Finding]:
     out: list[Finding] = []
     for s in chosen.log.of(Kind.IMU):
         f = mean_force(s)
+        if len(s) >= ENOUGH and not s.z[:, 3:6].any():
+            text = f"the accelerations of {s.name} are all 0: no gravity in them"
+            fix = "if it has none leave them out of the log; else mend the driver. What is up, none can tell"
+            out.append(warning("no-gravity", text, s.name, fix))
         norm = GRAVITY if f is None else float(np.linalg.norm(f))
         if G_BAND[0] < norm < G_BAND[1]:
             text = f"{s.name} reports accelerations in g, not m/s^2 (median {norm:.2f})"
@@ -129,8 +134,14 @@ def clocks(run: Run, chosen: Plan, aligned: Alignment) -> list[Finding]:
         if backwards:
             text = f"{s.name}: {backwards} stamps step back in time; the records were put in their place"
             out.append(warning("stamps-backwards", text, s.name))
-        lag = float(np.median(s.t_arrival - s.t)) * 1e-9
+        lag = float(np.median(s.t_arrival - s.t)) * 1e-9 - set_back(run, s.name)
         if LAG[0] < abs(lag) < LAG[1]:
             when = "after" if lag > 0 else "before"
             out.append(info("latency", f"{s.name} arrives {abs(lag):.2f} s {when} its stamps", s.name))
     return out
+
+
+def set_back(run: Run, source: str) -> float:
+    """Seconds by which the configuration set a source's stamps back: no delay of the log's."""
+    sections = cast("Mapping[str, Mapping[str, float]]", run.config.get("sources", {}))
+    return float(sections.get(source, {}).get("delay_s", 0.0))

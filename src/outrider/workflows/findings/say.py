@@ -1,6 +1,10 @@
 """Short ways to make a `Finding`, and what several questions ask of a plan."""
 
+import numpy as np
+
 from outrider.data import Finding
+from outrider.filters.ranged import spread_out
+from outrider.models.sensors.layout import OWN
 from outrider.workflows.draft import Plan
 
 
@@ -20,5 +24,7 @@ def error(code: str, text: str, source: str = "", fix: str = "") -> Finding:
 
 
 def any_absolute(chosen: Plan) -> bool:
-    """Whether anything but a heading source ties the run to the site frame."""
-    return any(c.reset[1] > 0 and not c.scored for c in chosen.whole.channels)
+    """Whether anything but a heading source ties the run to the site frame: positions, or ranges to known places."""
+    fused = [c for c in chosen.whole.channels if not c.scored]
+    beacons = [c.theta[OWN : OWN + 3] for c in fused if c.beacon is not None]
+    return any(c.reset[1] > 0 for c in fused) or spread_out(np.reshape(beacons, (-1, 3)))

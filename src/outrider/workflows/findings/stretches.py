@@ -4,7 +4,7 @@ from typing import Final
 
 import numpy as np
 
-from outrider.data import Finding, Fix, Innovations, Kind, Run, Stream, Verdict
+from outrider.data import Finding, Fix, Innovations, Kind, Run, SensorState, Stream, Verdict
 from outrider.filters.align import Alignment
 from outrider.filters.channels import Channel, records
 from outrider.typing import Bools, Floats
@@ -23,6 +23,7 @@ ALLOWED: Final = 0.7  # share of the scatter that the filter's own noise has to 
 ALLOW: Final = "the filter allows for it; do not use the covariances of this log as they stand"
 MEDIAN_2D: Final = 1.386  # median of a chi-square of two degrees of freedom
 LOOK: Final = "look at its innovations in the report; `scale` makes it count less"
+RARE: Final = 0.1  # share of gated records up to which jumps are an accident of the place
 SHOWN: Final = {"rad": ("deg", 180 / np.pi), "rad/s": ("deg/s", 180 / np.pi)}
 
 
@@ -35,9 +36,18 @@ def jumps(run: Run, chosen: Plan, aligned: Alignment) -> list[Finding]:
         of = in_order(run.innovations[channel.name])
         found = jump_rows(of)
         if found:
-            fix = "reflections off walls do this: nothing to do while it is rare" if channel.reset[1] else LOOK
-            out.append(warning("jump", jump_text(run, channel, of, found), channel.stream, fix))
+            out.append(warning("jump", jump_text(run, channel, of, found), channel.stream, remedy(channel, of)))
     return out
+
+
+def remedy(channel: Channel, i: Innovations) -> str:
+    """What to do about jumps: nothing while they are rare."""
+    if not channel.reset[1]:
+        return LOOK
+    share = float((i.verdict == Verdict.GATED).mean())
+    if share <= RARE:
+        return "reflections off walls do this: nothing to do while it is rare"
+    return f"{100.0 * share:.0f} % of it is refused: it, or what it is held against, is wrong: leave that out"
 
 
 def in_order(i: Innovations) -> Innovations:
@@ -82,7 +92,8 @@ def jump_text(run: Run, channel: Channel, i: Innovations, found: list[tuple[int,
     text = f"{channel.name}: " + (f"{noun} of " if len(found) == 1 else f"{len(found)} {noun}s, the worst of ")
     text += f"{how_far(i, a, b)} from t = {begin:.1f} to {end:.1f} s: {gated} records gated"
     text += f", then {held} held back on probation" if held else ""
-    return text + "; the estimate did not follow"
+    faulted = any(x.source == channel.name and x.state is SensorState.FAULTED for x in run.accounts)
+    return text + "; the estimate did not follow" + ("; it ended in the faulted state" if faulted else "")
 
 
 def how_far(i: Innovations, a: int, b: int) -> str:
