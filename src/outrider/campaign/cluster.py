@@ -1,9 +1,12 @@
 """Trials on the workers of a Dask cluster (optional extra `dask`): the same rows, to the last bit, as in processes.
 
-A worker that dies loses the trials under way: the scheduler gives them to another, and after three deaths on the same
-trial that is its error. A worker runs one trial at a time, however many threads it has: kernels share scratch.
+A worker that dies loses the trials that it ran, waited to run or had not handed over: the scheduler gives them to
+another. One that was there at more deaths than the scheduler allows need not be their cause: it runs again when nothing
+else does, and only then is that its error. A worker runs one trial at a time, however many threads it has: kernels
+share scratch.
 """
 
+import logging
 import math
 import threading
 from collections.abc import Generator, Mapping, Sequence
@@ -26,8 +29,10 @@ def in_cluster(
     """The rows of trials in the order in which they end; `name` is "module:function".
 
     code : of this process, which the workers' must equal. Raises UsageError for a scheduler that does not answer or has
-    no workers, ConfigError for workers with another version.
+    no workers or is lost on the way, ConfigError for workers with another version.
     """
+    for part in ("client", "utils"):  # print tracebacks of their own when a scheduler goes away
+        logging.getLogger(f"distributed.{part}").setLevel(logging.CRITICAL + 1)
     with _client(address) as client:
         _require_same(client, name, code)
         yield from _drained(client, name, tasks)
@@ -60,11 +65,24 @@ def _require_same(client: "Client", name: str, code: Mapping[str, str]) -> None:
 
 
 def _drained(client: "Client", name: str, tasks: Sequence[Task]) -> Generator[Record, None, None]:
+    threads = cast("dict[str, int]", client.nthreads())
+    suspects: list[Task] = []
+    for task, row in _ended(client, name, tasks, AHEAD * max(sum(threads.values()), 1)):
+        if row["error"] == KILLED:
+            suspects.append(task)
+        else:
+            yield row
+    for _, row in _ended(client, name, suspects, 1):
+        yield row
+
+
+def _ended(
+    client: "Client", name: str, tasks: Sequence[Task], width: int
+) -> Generator[tuple[Task, Record], None, None]:
+    """Tasks and their rows as they end, with at most `width` handed out."""
     from distributed import as_completed
 
     todo = iter(tasks)
-    threads = cast("dict[str, int]", client.nthreads())
-    width = AHEAD * max(sum(threads.values()), 1)
     handed: dict[object, Task] = {}
 
     def submitted() -> Any:
@@ -78,15 +96,25 @@ def _drained(client: "Client", name: str, tasks: Sequence[Task]) -> Generator[Re
     first = [f for f in (submitted() for _ in range(width)) if f is not None]
     ended = as_completed(first, loop=client.loop)
     for future in ended:
-        case, seed, _ = handed.pop(future.key)
-        error = future.exception()
-        if error is None:
-            yield future.result()
-        else:
-            yield {"case": case, "seed": seed, "values": {}, "error": _said(error), "wall_s": math.nan}
+        task = handed.pop(future.key)
+        yield task, _row(future, task)
         another = submitted()
         if another is not None:
             ended.add(another)
+
+
+def _row(future: Any, task: Task) -> Record:
+    case, seed, _ = task
+    from distributed.client import FutureCancelledError
+
+    try:
+        return future.result()  # also raises where a worker died after the trial, before it handed its row over
+    except FutureCancelledError:  # nobody cancels here: the connection was lost, for longer than Dask waits
+        raise UsageError(
+            "the scheduler is gone", where="--scheduler", fix="what has ended is kept: go on with --resume"
+        ) from None
+    except Exception as e:
+        return {"case": case, "seed": seed, "values": {}, "error": _said(e), "wall_s": math.nan}
 
 
 def run_alone(name: str, task: Task) -> Record:
