@@ -187,8 +187,9 @@ def alive(pid: int) -> bool:
 def test_nothing_is_lost_by_kill_9(workers: int, tmp_path: Path) -> None:
     folder, whole = tmp_path / "killed", tmp_path / "whole"
     process = subprocess.Popen(script(RUN.format(workers=workers, folder=str(folder))))
-    wait_for(lambda: rows_in(folder) >= 3)
+    wait_for(lambda: rows_in(folder) >= 1)
     children = children_of(process.pid)
+    wait_for(lambda: rows_in(folder) >= 3)
     process.kill()
     process.wait()
     done = rows_in(folder)
