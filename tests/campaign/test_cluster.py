@@ -72,7 +72,7 @@ def test_a_scheduler_that_goes_away_keeps_what_ended(tmp_path: Path) -> None:
             if share >= 3 / 40:
                 started["scheduler"].kill()
 
-        with pytest.raises(UsageError, match="the scheduler is gone.*--resume"):
+        with pytest.raises(UsageError, match=r"the scheduler is gone.*--resume"):
             run_trials(drift, [case], 40, store=tmp_path / "s", scheduler=address, progress=after_three)
     finally:
         for process in started.values():

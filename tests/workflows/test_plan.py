@@ -240,6 +240,43 @@ def test_a_mount_for_nobody_is_remarked():
     assert "gnss" in remark.fix
 
 
+SETTINGS = {
+    "rate_gain": (-1.0, "angular rates (IMU, TWIST)"), "force_gain": (9.8, "accelerations (IMU)"),
+    "speed_gain": (0.3, "speeds (TWIST, WHEELS, ACKERMANN)"), "range_gain": (0.9, "ranges (RANGE, RANGE_BEARING)"),
+    "track_m": (0.5, "speeds of wheels (WHEELS)"), "mecanum_xy_m": ((0.2, 0.2), "speeds of wheels (WHEELS)"),
+    "wheel_base_m": (2.0, "steering (ACKERMANN)"), "steering_zero_deg": (1.0, "steering (ACKERMANN)"),
+    "hard_iron": ((1, 0, 0), "magnetometers (MAG)"), "soft_iron": ((2, 0, 0, 0, 1, 0, 0, 0, 1), "magnetometers (MAG)"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("key", SETTINGS)
+def test_a_setting_for_sources_of_other_kinds_is_remarked(key: str):
+    value, purpose = SETTINGS[key]
+    found = plan(ROVER, told(sources={"gnss": {key: value}})).findings
+    (remark,) = [f for f in found if f.code == "setting-unused"]
+    assert remark.text == f"`{key}` of gnss changes nothing: it is for {purpose}"
+    assert (remark.severity, remark.source) == ("warning", "gnss") and "GNSS" in remark.fix
+
+
+def test_a_setting_for_its_kind_or_at_its_default_or_of_a_source_that_is_off_is_no_remark():
+    log = add(ROVER, Kind.WHEELS, np.ones((40, 2)))
+    log = add(log, Kind.MAG, np.tile([1.0, 2.0, 3.0], (40, 1)), "mag")
+    log = add(log, Kind.ACKERMANN, np.zeros((40, 2)), "axle")
+    log = add(log, Kind.RANGE, np.tile([7.0, 3.0], (40, 1)), "uwb")
+    fits = {"imu": ("rate_gain", "force_gain"), "wheels": ("speed_gain", "rate_gain"), "extra": ("track_m",),
+            "axle": ("wheel_base_m", "steering_zero_deg"), "mag": ("hard_iron", "soft_iron"),
+            "uwb": ("range_gain",)}  # fmt: skip
+    told_all = {name: {key: SETTINGS[key][0] for key in keys} for name, keys in fits.items()}
+    assert set(told_all["extra"]) | {k for keys in fits.values() for k in keys} == {*SETTINGS} - {"mecanum_xy_m"}
+    for sources in (
+        told_all,
+        {"gnss": FuseConfig.model_validate({"sources": {"x": {}}}).sources["x"].model_dump()},
+        {"gnss": {"use": "ignore", "range_gain": 0.9}},
+    ):
+        found = plan(log, told(sources=sources)).findings
+        assert "setting-unused" not in {f.code for f in found}
+
+
 def test_a_log_without_motion_or_position_is_refused():
     with pytest.raises(DataError, match="nothing in this log can be fused"):
         plan(only(ROVER, "imu_attitude"), FuseConfig())

@@ -45,6 +45,7 @@ HEADLINES: Final[Mapping[str, str]] = {
     "range-scale": "Ranges are too long or too short in proportion",
     "refused": "Many records of a source were refused",
     "reset": "The estimate was moved by force",
+    "setting-unused": "A setting was given to a source that it is not for",
     "silence": "Nothing was heard for a while",
     "silent": "A source fell silent",
     "stamps-backwards": "Stamps run backwards",

@@ -92,7 +92,7 @@ class SourceSection(Section):
     """Multiplies the accelerations of an IMU: 9.80665 makes m/s^2 of g, -1 for one that tells gravity's pull."""
     speed_gain: Gain = 1.0
     """Multiplies speeds (TWIST, WHEELS, ACKERMANN): 0.277778 makes m/s of km/h."""
-    range_gain: Gain = 1.0
+    range_gain: Annotated[Number, Field(gt=0, le=1e4)] = 1.0
     """Multiplies ranges to beacons (RANGE, RANGE_BEARING): 0.935 for a radio that reads 7 % long."""
     track_m: Positive | None = None
     """Distance between left and right wheels (WHEELS)."""

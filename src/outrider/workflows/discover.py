@@ -26,6 +26,15 @@ GAINS: Final = {
     Kind.RANGE: ("id", "range"), Kind.RANGE_BEARING: ("id", "range", "angle"),
     Kind.WHEELS: ("speed",), Kind.ACKERMANN: ("speed", "angle"),
 }  # fmt: skip
+SETTINGS: Final[Mapping[str, tuple[str, tuple[Kind, ...]]]] = {  # of a source: what it is for
+    "rate_gain": ("angular rates", tuple(k for k, columns in GAINS.items() if "rate" in columns)),
+    "force_gain": ("accelerations", tuple(k for k, columns in GAINS.items() if "force" in columns)),
+    "speed_gain": ("speeds", tuple(k for k, columns in GAINS.items() if "speed" in columns)),
+    "range_gain": ("ranges", tuple(k for k, columns in GAINS.items() if "range" in columns)),
+    "track_m": ("speeds of wheels", (Kind.WHEELS,)), "mecanum_xy_m": ("speeds of wheels", (Kind.WHEELS,)),
+    "wheel_base_m": ("steering", (Kind.ACKERMANN,)), "steering_zero_deg": ("steering", (Kind.ACKERMANN,)),
+    "hard_iron": ("magnetometers", (Kind.MAG,)), "soft_iron": ("magnetometers", (Kind.MAG,)),
+}  # fmt: skip
 FAR: Final = 50_000.0  # m from the datum: its up is by then half a degree off the local one
 
 
@@ -110,6 +119,7 @@ def check_draft(d: Draft) -> None:
         text = f"the first fix lies {away / 1000:.0f} km from the datum: a flat site frame bends there"
         d.note("warning", "datum-far", text, fix="give a `datum` within the site, or none")
     check_withheld(d)
+    check_settings(d)
     frames = {s.frame for s in d.log}
     for frame in sorted(set(d.cfg.mounts) - frames):
         known = ", ".join(sorted(frames - {""})) or "none"
@@ -140,6 +150,18 @@ def check_withheld(d: Draft) -> None:
                 text = f"no record of {name} between {begin:g} and {end:g} s, nothing was withheld there"
                 span = f"its records are from {s.min():.1f} to {s.max():.1f} s" if s.size else "it has no usable record"
                 d.note("warning", "outage-empty", text, name, fix=span)
+
+
+def check_settings(d: Draft) -> None:
+    """Say which settings a source has that are for sources of other kinds."""
+    usual = SourceSection()
+    for name, section in d.cfg.sources.items():
+        kind = d.log.streams[name].kind
+        for key, (what, kinds) in SETTINGS.items():
+            if kind in kinds or section.use == "ignore" or getattr(section, key) == getattr(usual, key):
+                continue
+            text = f"`{key}` of {name} changes nothing: it is for {what} ({', '.join(k.name for k in kinds)})"
+            d.note("warning", "setting-unused", text, name, fix=f"leave it out: {name} is of kind {kind.name}")
 
 
 def refuse_stuck_wheels(log: EventLog, verdicts: Mapping[str, Ints]) -> None:
