@@ -66,7 +66,8 @@ class WheelEncoders:
             nonlocal travelled, counted
             t = stamps(own, self.rate_hz)
             rim = own.actuators[:, : self.wheels] * factor
-            way = travelled + np.vstack([np.zeros(self.wheels), np.cumsum(rim[1:] * own.dt, axis=0)])
+            steps = 0.5 * (rim[1:] + rim[:-1]) * own.dt
+            way = travelled + np.vstack([np.zeros(self.wheels), np.cumsum(steps, axis=0)])
             travelled = way[-1]
             at = np.column_stack([np.interp(t - own.t[0], own.t - own.t[0], column) for column in way.T])
             counts = np.floor(at / self.tick) * self.tick if self.tick else at
