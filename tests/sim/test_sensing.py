@@ -98,8 +98,18 @@ def test_encoders_count_every_tick() -> None:
     s = sampled(WheelEncoders(wheels=2, tick=0.01, rate_hz=20.0), truth, rng())
     np.testing.assert_allclose(s.z / 20.0 / 0.01, np.rint(s.z / 20.0 / 0.01), atol=1e-6)
     way = np.sum(s.z, axis=0) / 20.0
-    np.testing.assert_allclose(way, np.array([1.0, 2.0]) * np.sum(speed[1:]) * truth.dt, atol=0.011)
+    went = np.trapezoid(speed, dx=truth.dt)
+    np.testing.assert_allclose(way, np.array([1.0, 2.0]) * went, atol=0.011)
     np.testing.assert_allclose(s.extra["motor_1_rpm"], s.z[:, 1] / 0.1 * 30 / np.pi)
+
+
+def test_encoders_tell_the_mean_speed_since_their_last_record() -> None:
+    """Over steps as long as half a period: sums from one end would be late, or early, by half a step."""
+    patrol = drive(np.random.default_rng(8), 60.0, 20.0)
+    speed = np.linalg.norm(patrol.v, axis=1)
+    s = sampled(WheelEncoders(wheels=1, tick=0.0, rate_hz=10.0), replace(patrol, actuators=speed[:, None]), rng())
+    went = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * patrol.dt)])[::2]
+    np.testing.assert_allclose(s.z[1:, 0], 10.0 * np.diff(went)[: len(s.z) - 1], atol=1e-9)
 
 
 def test_a_receiver_stays_in_each_solution_as_long_as_asked() -> None:
