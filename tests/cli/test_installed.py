@@ -5,10 +5,14 @@ import os
 import site
 import subprocess
 import sys
+import tomllib
+from importlib.metadata import distributions
 from pathlib import Path
 from typing import Any
 
 import pytest
+from packaging.specifiers import SpecifierSet
+from packaging.utils import canonicalize_name
 
 from outrider import _kernel
 from outrider._sources import PACKAGE, stamp
@@ -65,6 +69,16 @@ def test_kept_kernels_are_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         (tmp_path / kind / name).mkdir(parents=True)
         (tmp_path / kind / name / "k.nbc").write_bytes(bytes(100))
     assert kept_kernels() == (1, of, 200)
+
+
+def test_every_pin_suits_the_oldest_python_that_is_claimed() -> None:
+    oldest = f"{tomllib.loads((ROOT / 'pyproject.toml').read_text())['project']['requires-python'].strip('>=')}.0"
+    pins = dict(line.split("==") for line in (ROOT / "constraints.txt").read_text().splitlines())
+    pinned = {canonicalize_name(name): version for name, version in pins.items()}
+    as_pinned = [d for d in distributions() if pinned.get(canonicalize_name(d.name)) == d.version]
+    assert len(as_pinned) > 100
+    needs = {d.name: SpecifierSet(d.metadata.get("Requires-Python") or "") for d in as_pinned}
+    assert [f"{name} {needed}" for name, needed in needs.items() if oldest not in needed] == []
 
 
 def test_the_installation_is_looked_at(
