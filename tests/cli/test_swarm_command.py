@@ -20,6 +20,7 @@ def test_a_swap_into_a_folder(outrider: Outrider, tmp_path: Path) -> None:
         "summary.json", "swarm.png", "report.html", "run.mcap", "truth.parquet"
     }  # fmt: skip
     kept = json.loads((folder / "summary.json").read_text())
+    assert kept["outcome"]["text"] == "nobody came too near, and all are where they should be"
     assert kept["there"] == 6 and kept["least_m"] >= 1.5 and kept["column"] is None
     assert sum(kept["decided_by"].values()) == pytest.approx(1.0)
     assert len(kept["each"]) == 6 and min(d["least_m"] for d in kept["each"]) == kept["least_m"]
@@ -56,6 +57,7 @@ def test_a_column_says_how_well_it_keeps_its_gaps(outrider: Outrider, tmp_path: 
     done = outrider("swarm", "column", "--drones", 5, "--duration", 150, "--silent", "2,70,90", "--output", "c")
     assert done.code == 0 and "at the first follower" in done.out
     kept = json.loads((tmp_path / "c" / "summary.json").read_text())
+    assert "at the end; 1 out of the column for up to" in kept["outcome"]["text"]  # the silent one, and nobody else
     rms = kept["column"]["rms_m"]  # of the followers that never left, and were not behind one that did
     assert len(rms) == 4 and rms[0] < 0.8 and kept["duration_s"] == 150.0 and kept["violations"] == 0
 

@@ -150,7 +150,7 @@ def _summary(asked: Asked, f: Flown, wall: float) -> dict[str, Any]:
 def _absences(f: Flown) -> str:
     """Who is back at the end and was out of the column for a while: without a radio, or with nobody to join."""
     aside = (f.track[:, :, T_KIND] == ASIDE).sum(axis=0) * f.every_s
-    away = aside[(aside > 0.0) & ~f.aside]
+    away = aside[(aside > 0.0) & (f.aside == 0)]
     return f" at the end; {away.size} out of the column for up to {away.max():.0f} s before" if away.size else ""
 
 
