@@ -3,6 +3,7 @@
 from math import pi, radians
 
 import numpy as np
+import pymap3d  # type: ignore[import-untyped]
 import pytest
 from numpy.testing import assert_allclose
 
@@ -88,6 +89,16 @@ def test_places_that_are_none_become_nan_and_harm_no_neighbour() -> None:
     back = geo.enu_to_geodetic(p, 0.8, 0.1, 0.0)
     assert np.isnan(np.array(back)[:, 1:5]).all()
     assert np.isfinite(np.array(back)[:, [0, 5]]).all()
+
+
+@pytest.mark.parametrize("spread", [30.0, 3e4, 1e7])
+def test_the_closed_form_is_that_of_pymap3d_to_the_last_bit(spread: float, rng: np.random.Generator) -> None:
+    for n in (1, 2, 7, 40):
+        origin = rng.uniform([-1.5, -3.0, -400.0], [1.5, 3.0, 5000.0])
+        x, y, z = (geo.geodetic_to_ecef(*origin) + rng.normal(size=(n, 3)) * spread).T
+        ours, theirs = geo._closed_form(x, y, z), pymap3d.ecef2geodetic(x, y, z, deg=False)
+        for one, other in zip(ours, theirs, strict=True):
+            np.testing.assert_array_equal(one, np.reshape(other, n))
 
 
 def test_inputs_are_left_alone() -> None:

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from scipy.special import factorial, zeta
 
 from outrider.core import rotations as rot
+from outrider.core.attitudes import quat_of_matrix
 from outrider.typing import Floats
 
 relaxed = settings(deadline=None, derandomize=True, max_examples=60)
@@ -245,3 +246,13 @@ def test_slerp_in_nanoseconds_holds_the_ends() -> None:
     assert_allclose(yaw, [0, 0, 0.25, 1, 1], rtol=0, atol=1e-15)
     assert_allclose(rot.slerp([start, start], knots[:1], q0[:1]), q0[[0, 0]])
     assert np.isfinite(rot.slerp([start], [start, start, start], q0[[0, 1, 1]])).all()
+
+
+def test_one_matrix_in_plain_numbers_is_the_same_to_the_last_bit(rng: np.random.Generator) -> None:
+    q = rng.normal(size=(2000, 4))
+    q[:100, 3] *= 1e-9
+    R = np.concatenate(
+        [rot.quats_to_matrices(q), [np.diag(d) for d in ([1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1])]]
+    )
+    np.testing.assert_array_equal([quat_of_matrix(one) for one in R], rot.matrices_to_quats(R))
+    assert np.isnan(quat_of_matrix(np.full((3, 3), np.nan))).all()

@@ -11,7 +11,7 @@ from outrider.core.solids import box, capsule, distance
 from outrider.errors import ConfigError
 from outrider.planning.inspection import Body, Camera, Half, Pace, Places, Task, halves, inspect, seen, surface
 from outrider.planning.inspection.surface import Surface
-from outrider.planning.inspection.timing import timed
+from outrider.planning.inspection.timing import TimedPath, timed
 from outrider.planning.inspection.tours import tour_length, two_opt
 
 BOX = box((0.0, 0.0, 3.0), (4.0, 3.0, 2.0))
@@ -131,3 +131,13 @@ def test_what_cannot_be_planned_says_why():
         inspect(table, on, task((0.0, -4.0, 0.0), near))
     with pytest.raises(ConfigError, match="sees nothing"):
         Camera(near=2.0, far=1.0)
+
+
+def test_a_path_asked_for_one_time_is_where_it_is_among_many(rng):
+    t = np.concatenate([[0.0], np.cumsum(rng.uniform(0.1, 1.0, 30))])
+    path = TimedPath(t=t, p=rng.normal(size=(31, 3)), v=rng.normal(size=(31, 3)))
+    asked = np.concatenate([t, rng.uniform(-1.0, t[-1] + 1.0, 50)])
+    for whole, one in zip(
+        path.at(asked), zip(*(path.at(asked[k : k + 1]) for k in range(asked.size)), strict=True), strict=True
+    ):
+        np.testing.assert_array_equal(np.concatenate(one), whole)

@@ -256,3 +256,15 @@ def test_clocks_and_failures_wrap_any_sensor() -> None:
     np.testing.assert_allclose(spoilt[Wrong.SHIFTED].z[hit], good.z[hit] + 3.0)
     for s in spoilt.values():
         np.testing.assert_array_equal(s.z[-50:], good.z[-50:])
+
+
+def test_a_camera_misses_nobody_at_the_edge_of_its_view() -> None:
+    """Whom it certainly does not see costs nothing; in doubt it looks."""
+    camera = RobotCamera(rate_hz=50.0, reach=15.0, half_angle=1.2, mount=(0.0, -np.sqrt(0.5), 0.0, np.sqrt(0.5)))
+    own = resting(1.0)
+    for off, seen in ((1.2 - 1e-9, True), (1.2 + 1e-9, False)):
+        for distance, near in ((15.0 - 1e-8, True), (15.0 + 1e-8, False)):
+            place = np.array([np.sin(off), 0.0, np.cos(off)]) * distance
+            other = replace(own, p=own.p + place, robot="other")
+            z = sampled(camera, own, rng(), others={"other": other}).z
+            assert len(z) == (len(own) if seen and near else 0)

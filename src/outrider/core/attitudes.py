@@ -5,7 +5,7 @@ inside a filter: the kernels of `outrider.core.angles` and `outrider.core.rotati
 What must load fast, without the compiler, imports them from here.
 """
 
-from math import pi
+from math import nan, pi, sqrt
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -110,6 +110,20 @@ def matrices_to_quats(R: ArrayLike) -> Floats:
     largest = np.argmax(np.diagonal(outer, axis1=-2, axis2=-1), axis=-1)
     q = _unit(np.take_along_axis(outer, largest[..., None, None], axis=-2)[..., 0, :])
     return np.where(q[..., 3:] < 0.0, -q, q)
+
+
+def quat_of_matrix(R: Floats) -> Floats:
+    """Quaternion (4,), w >= 0, of one matrix (3, 3): `matrices_to_quats` in plain numbers, the same to the last bit."""
+    (a, b, c), (d, e, f), (g, h, i) = R.tolist()
+    xy, xz, yz, xw, yw, zw = b + d, c + g, f + h, h - f, c - g, d - b
+    outer = (
+        (1.0 + a - e - i, xy, xz, xw), (xy, 1.0 - a + e - i, yz, yw),
+        (xz, yz, 1.0 - a - e + i, zw), (xw, yw, zw, 1.0 + a + e + i),
+    )  # fmt: skip
+    x, y, z, w = max((outer[k][k], -k, outer[k]) for k in range(4))[2]
+    n = sqrt(x * x + y * y + z * z + w * w) or nan
+    n = -n if w / n < 0.0 else n
+    return np.array([x / n, y / n, z / n, w / n])
 
 
 def rpy_to_quats(rpy: ArrayLike) -> Floats:

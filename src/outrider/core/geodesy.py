@@ -10,8 +10,10 @@ An impossible site origin is an error at once.
 [0.0, 0.0, 30.0]
 """
 
+from dataclasses import dataclass
+from functools import lru_cache
 from math import cos, isfinite, pi, sin, sqrt
-from typing import Any, TypeAlias, cast
+from typing import Any, TypeAlias, cast, final
 
 import numpy as np
 import pymap3d  # type: ignore[import-untyped]
@@ -30,6 +32,8 @@ F = 1.0 / 298.257223563
 GM = 3.986004418e14
 OMEGA = 7.292115e-5
 _E2 = F * (2.0 - F)
+B = 6356752.31424518  # m, semi-minor axis
+_LINEAR = sqrt(A**2 - B**2)  # m, linear eccentricity
 _GAMMA_E = 9.7803253359
 _GAMMA_P = 9.8321849378
 
@@ -38,8 +42,11 @@ _pymap3d = cast("Any", pymap3d)
 
 def _sane(lat: ArrayLike, lon: ArrayLike, alt: ArrayLike) -> Geodetic:
     """Broadcast float64 copies, with NaN in every row that is no place."""
-    rows = np.array(np.broadcast_arrays(lat, lon, alt), dtype=np.float64)
-    rows[:, ~(np.isfinite(rows).all(axis=0) & (np.abs(rows[0]) <= 0.5 * pi))] = np.nan
+    rows = np.empty((3, *np.broadcast(lat, lon, alt).shape))
+    rows[0], rows[1], rows[2] = lat, lon, alt
+    good = np.isfinite(rows).all(axis=0) & (np.abs(rows[0]) <= 0.5 * pi)
+    if not good.all():
+        rows[:, ~good] = np.nan
     return rows[0], rows[1], rows[2]
 
 
@@ -60,19 +67,43 @@ def _check_origin(lat0: float, lon0: float, alt0: float) -> None:
         )
 
 
+@final
+@dataclass(frozen=True, slots=True)
+class _Origin:
+    """A site's origin: ECEF [m], sines and cosines of its latitude and longitude."""
+
+    p: tuple[float, float, float]
+    sp: float
+    cp: float
+    sl: float
+    cl: float
+
+
+@lru_cache(maxsize=64)
+def _origin(lat0: float, lon0: float, alt0: float) -> _Origin:
+    """Raises DataError for one that cannot be."""
+    _check_origin(lat0, lon0, alt0)
+    p = _pymap3d.geodetic2ecef(lat0, lon0, alt0, deg=False)
+    return _Origin(p, float(np.sin(lat0)), float(np.cos(lat0)), float(np.sin(lon0)), float(np.cos(lon0)))
+
+
 def geodetic_to_ecef(lat: ArrayLike, lon: ArrayLike, alt: ArrayLike) -> Floats:
     """ECEF positions (..., 3) [m]."""
-    return _rows(_pymap3d.geodetic2ecef(*_sane(lat, lon, alt), deg=False))
+    phi, around, h = _sane(lat, lon, alt)
+    s, c = np.sin(phi), np.cos(phi)
+    N = A**2 / np.hypot(A * c, B * s)  # radius of curvature across the meridian
+    flat = (N + h) * c
+    return _rows((flat * np.cos(around), flat * np.sin(around), (N * (B / A) ** 2 + h) * s))
 
 
 def ecef_to_geodetic(p: ArrayLike) -> Geodetic:
     """Latitude, longitude, height of ECEF positions (..., 3) [m]; to 1e-8 m from the deep sea into orbit.
 
-    pymap3d's closed form is off by 6 mm at 1000 km height; one Newton step along north and up mends it.
+    The closed form is off by 6 mm at 1000 km height; one Newton step along north and up mends it.
     """
     xyz = np.asarray(p, dtype=np.float64)
     x, y, z = xyz.reshape(-1, 3).T
-    lat, lon, alt = (np.reshape(a, x.shape) for a in _pymap3d.ecef2geodetic(x, y, z, deg=False))
+    lat, lon, alt = _closed_form(x, y, z)
     s, c = np.sin(lat), np.cos(lat)
     W2 = 1.0 - _E2 * s * s
     N = A / np.sqrt(W2)  # radius of curvature across the meridian; along it, M = N (1 - e^2) / W^2
@@ -83,6 +114,26 @@ def ecef_to_geodetic(p: ArrayLike) -> Geodetic:
     return lat.reshape(shape), lon.reshape(shape), alt.reshape(shape)
 
 
+def _closed_form(x: Floats, y: Floats, z: Floats) -> Geodetic:
+    """Of rows (n,).  Source: You (2000), J. Surv. Eng. 126(3), equations 4a to 4c, 7 and 13.
+
+    As pymap3d has it, operation by operation, but for its guards, which cost most of its time; what needs them, rows
+    near the axis or the centre of the Earth or that are not finite, is left to it.
+    """
+    r2, e2 = np.sqrt(x**2 + y**2 + z**2) ** 2 - _LINEAR**2, 2 * _LINEAR * z
+    u, flat = np.sqrt(0.5 * r2 + 0.5 * np.hypot(r2, e2)), np.hypot(x, y)
+    if not bool(((u > 1.0) & (flat > 1.0)).all()):
+        lat, lon, alt = (np.reshape(a, x.shape) for a in _pymap3d.ecef2geodetic(x, y, z, deg=False))
+        return lat, lon, alt
+    v = np.hypot(u, _LINEAR)
+    beta = np.arctan(v / u * z / flat)
+    c = np.cos(beta)
+    beta += ((B * u - A * v + _LINEAR**2) * np.sin(beta)) / (A * v * 1 / c - _LINEAR**2 * c)
+    alt = np.hypot(z - B * np.sin(beta), flat - A * np.cos(beta))
+    inside = x**2 / A**2 + y**2 / A**2 + z**2 / B**2 < 1
+    return np.arctan(A / B * np.tan(beta)), np.arctan2(y, x), np.where(inside, -alt, alt)
+
+
 def rotation_enu_ecef(lat: float, lon: float) -> Floats:
     """R_enu_ecef (3, 3): Earth-fixed vectors -> east, north, up at a place."""
     sp, cp, sl, cl = sin(lat), cos(lat), sin(lon), cos(lon)
@@ -91,16 +142,18 @@ def rotation_enu_ecef(lat: float, lon: float) -> Floats:
 
 def ecef_to_enu(p: ArrayLike, lat0: float, lon0: float, alt0: float) -> Floats:
     """Positions (..., 3) [m] from ECEF to the tangent plane at the origin."""
-    _check_origin(lat0, lon0, alt0)
-    xyz = np.asarray(p, dtype=np.float64)
-    return _rows(_pymap3d.ecef2enu(xyz[..., 0], xyz[..., 1], xyz[..., 2], lat0, lon0, alt0, deg=False))
+    o, xyz = _origin(lat0, lon0, alt0), np.asarray(p, dtype=np.float64)
+    u, v, w = xyz[..., 0] - o.p[0], xyz[..., 1] - o.p[1], xyz[..., 2] - o.p[2]
+    t = o.cl * u + o.sl * v
+    return _rows((-o.sl * u + o.cl * v, -o.sp * t + o.cp * w, o.cp * t + o.sp * w))
 
 
 def enu_to_ecef(p: ArrayLike, lat0: float, lon0: float, alt0: float) -> Floats:
     """Positions (..., 3) [m] from the tangent plane at the origin to ECEF."""
-    _check_origin(lat0, lon0, alt0)
-    enu = np.asarray(p, dtype=np.float64)
-    return _rows(_pymap3d.enu2ecef(enu[..., 0], enu[..., 1], enu[..., 2], lat0, lon0, alt0, deg=False))
+    o, enu = _origin(lat0, lon0, alt0), np.asarray(p, dtype=np.float64)
+    e, n, u = enu[..., 0], enu[..., 1], enu[..., 2]
+    t = o.cp * u - o.sp * n
+    return _rows((o.p[0] + (o.cl * t - o.sl * e), o.p[1] + (o.sl * t + o.cl * e), o.p[2] + (o.sp * u + o.cp * n)))
 
 
 def geodetic_to_enu(lat: ArrayLike, lon: ArrayLike, alt: ArrayLike, lat0: float, lon0: float, alt0: float) -> Floats:

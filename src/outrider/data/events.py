@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from typing import final
+from typing import Final, final
 
 import numpy as np
 
@@ -139,9 +139,11 @@ class Stream:
     def select(self, keep: Bools | Ints | slice) -> "Stream":
         """The same stream with only the given rows."""
         extra = {name: column[keep] for name, column in self.extra.items()}
-        return replace(
-            self, t=self.t[keep], z=self.z[keep], var=self.var[keep], t_arrival=self.t_arrival[keep], extra=extra
-        )
+        return Stream(
+            name=self.name, kind=self.kind, t=self.t[keep], z=self.z[keep], var=self.var[keep],
+            t_arrival=self.t_arrival[keep], robot=self.robot, frame=self.frame, altitude=self.altitude, extra=extra,
+            malformed=self.malformed,
+        )  # fmt: skip
 
     def named(self, name: str) -> "Stream":
         """The same records under another name."""
@@ -153,6 +155,10 @@ class Stream:
         gaps = np.diff(np.sort(self.t, kind="stable"))
         gaps = gaps[gaps > 0]
         return float(1e9 / np.median(gaps)) if gaps.size else float("nan")
+
+
+_ROTATIONS: Final = {Kind.ATTITUDE: 3, Kind.POSE: 6, Kind.ODOMETRY_POSE: 6, Kind.RELATIVE_POSE: 6}
+"""Variances of kinds that state them per rotation axis."""
 
 
 def stream(
@@ -167,10 +173,13 @@ def stream(
 ) -> Stream:
     """A `Stream` from any array-likes: contiguous, right types, unstated variances as NaN."""
     t = np.ascontiguousarray(t, np.int64)
-    z = np.ascontiguousarray(np.atleast_2d(z), np.float64)
-    rotations = {Kind.ATTITUDE: 3, Kind.POSE: 6, Kind.ODOMETRY_POSE: 6, Kind.RELATIVE_POSE: 6}
-    width: int = rotations[kind] if kind in rotations else z.shape[1]
-    var = np.full((t.size, width), np.nan) if var is None else np.ascontiguousarray(var, np.float64)
+    z = np.ascontiguousarray(z, np.float64)
+    z = z if z.ndim >= 2 else np.atleast_2d(z)
+    if var is None:
+        width: int = _ROTATIONS[kind] if kind in _ROTATIONS else z.shape[1]
+        var = np.full((t.size, width), np.nan)
+    else:
+        var = np.ascontiguousarray(var, np.float64)
     arrival = t if t_arrival is None else np.ascontiguousarray(t_arrival, np.int64)
     return Stream(name=name, kind=kind, t=t, z=z, var=var, t_arrival=arrival, **rest)  # type: ignore[arg-type]
 

@@ -42,6 +42,7 @@ class Actor:
             self._command = np.zeros(len(robot.vehicle.inputs) if robot.vehicle else 0)
         elif robot.vehicle is not None:
             raise ConfigError("has a vehicle but no agent", where=f"robot {robot.name}", fix="give it one")
+        self._lander = self._agent if isinstance(self._agent, Lander) else None
         self.due = start if self._agent else end
         self.done = False
 
@@ -79,9 +80,9 @@ class Actor:
 
     def lands(self, t: int) -> bool:
         """Whether it comes down on purpose at t [ns]: its agent says so, or its schedule tells it to sink."""
-        if isinstance(self._command, Planned):
+        if not isinstance(self._command, np.ndarray):
             return float(self._command.plan(np.array([(t - self._start) * 1e-9]))[0, CLIMB]) < 0.0
-        return isinstance(self._agent, Lander) and self._agent.landing
+        return self._lander is not None and self._lander.landing
 
     def log(self, until: int, *, prefixed: bool) -> dict[str, Stream]:
         """Everything that was recorded up to `until` [ns], by name."""

@@ -63,10 +63,10 @@ class Course:
         """Take every step up to `until` [ns] under one command, or as planned."""
         last = int(np.searchsorted(self.truth.t, until, side="right")) - 1
         if self._vehicle is not None and last > self.k:
-            if isinstance(command, Planned):
-                u = command.plan(np.asarray((self.truth.t[self.k : last] - self._start) * 1e-9, np.float64))
-            else:
+            if isinstance(command, np.ndarray):
                 u = np.tile(command, (last - self.k, 1))
+            else:
+                u = command.plan(np.asarray((self.truth.t[self.k : last] - self._start) * 1e-9, np.float64))
             u, rows = np.ascontiguousarray(u), slice(self.k + 1, last + 1)
             if self.deck is not None:
                 self.deck.move(self.k, last, u, self._x, self._wind, self._ground)

@@ -90,27 +90,34 @@ class Monitor:
 
     def clearance(self, truth: Truth) -> tuple[Ints, Floats]:
         """Stamps (n,) [ns] of looks along a truth, and the distances (n,) [m] of the robot to the world then."""
-        t = _moments(truth)
-        return t, self._gaps(self.hulls[truth.robot], *self._seen(truth, t))[0]
+        rows = _looks(truth)
+        return truth.t[rows], self._gaps(self.hulls[truth.robot], *self._seen(truth, rows))[0]
 
     def separation(self, a: Truth, b: Truth) -> tuple[Ints, Floats]:
         """Stamps (n,) [ns] of looks, and the distances (n,) [m] between two robots then."""
-        one, two, t = self.hulls[a.robot], self.hulls[b.robot], _moments(a)
-        d = _positions(b, t) - _positions(a, t)
+        one, two, rows = self.hulls[a.robot], self.hulls[b.robot], _looks(a)
+        t = a.t[rows]
+        d = _positions(b, t) - a.p[rows]
         sideways = np.hypot(d[:, 0], d[:, 1]) - one.radius - two.radius
         above = np.maximum(d[:, 2] - one.height, -d[:, 2] - two.height)
         both = (sideways > 0) & (above > 0)
         return t, np.where(both, np.hypot(sideways, above), np.maximum(sideways, above))
 
-    def _seen(self, truth: Truth, t: Ints) -> tuple[Floats, Floats]:
+    def _seen(self, truth: Truth, rows: slice) -> tuple[Floats, Floats]:
         """The middles of a robot's hull (n, 3), and the seconds (n,) since the start."""
-        middle = _positions(truth, t) + np.array([0.0, 0.0, self.hulls[truth.robot].height / 2])
-        return middle, np.asarray((t - self.start) * 1e-9, np.float64)
+        middle = truth.p[rows] + np.array([0.0, 0.0, self.hulls[truth.robot].height / 2])
+        return middle, np.asarray((truth.t[rows] - self.start) * 1e-9, np.float64)
 
     def _against_world(self, truth: Truth) -> list[Closest]:
-        t = _moments(truth)
-        gap, what = self._gaps(self.hulls[truth.robot], *self._seen(truth, t))
-        closest = [Closest(robot=truth.robot, what=what(k), distance=float(gap[k]), t=int(t[k])) for k in _telling(gap)]
+        rows = _looks(truth)
+        t = truth.t[rows]
+        gap, what = self._gaps(self.hulls[truth.robot], *self._seen(truth, rows))
+        kept = self.clearances.get(truth.robot)
+        closest = [
+            Closest(robot=truth.robot, what=what(k), distance=float(gap[k]), t=int(t[k]))
+            for k in _telling(gap)
+            if gap[k] < 0.0 or kept is None or gap[k] < kept.distance
+        ]
         for one in closest:
             _keep(self.clearances, truth.robot, one)
         return [one for one in closest if one.distance < 0.0][:1]
@@ -169,8 +176,8 @@ class Monitor:
     def _against_fence(self, truth: Truth) -> None:
         if self.world.fence is None:
             return
-        t = _moments(truth)
-        margin = self.world.fence.margin(_positions(truth, t))
+        rows = _looks(truth)
+        t, margin = truth.t[rows], self.world.fence.margin(truth.p[rows])
         k = int(np.argmin(margin))
         _keep(
             self.fences, truth.robot, Closest(robot=truth.robot, what="fence", distance=float(margin[k]), t=int(t[k]))
@@ -189,14 +196,17 @@ def _keep(kept: dict[K, Closest], key: K, new: Closest) -> None:
         kept[key] = new
 
 
-def _moments(truth: Truth) -> Ints:
-    """Stamps at which one looks: evenly spaced, the last row among them."""
+def _looks(truth: Truth) -> slice:
+    """Rows at which one looks: evenly spaced, the last one among them."""
     every = max(1, round(1.0 / (LOOKS_HZ * truth.dt))) if len(truth) > 1 else 1
-    return truth.t[::-every][::-1]
+    return slice((len(truth) - 1) % every, None, every)
 
 
 def _positions(truth: Truth, t: Ints) -> Floats:
     """(n, 3) positions at stamps within the truth, linear between rows."""
+    looks = _looks(truth)
+    if np.array_equal(truth.t[looks], t):  # those of another of the same steps
+        return truth.p[looks]
     if (rows := truth.rows_at(t)) is not None:
         return truth.p[rows]
     return np.column_stack([np.interp(t - truth.t[0], truth.t - truth.t[0], truth.p[:, i]) for i in range(3)])

@@ -15,9 +15,11 @@ def generator(seed: int, robot: str, source: str) -> Generator:
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
 
 
-def white(rng: Generator, n: int, columns: int, sigma: float | tuple[float, ...]) -> Floats:
+def white(rng: Generator, n: int, columns: int, sigma: float | tuple[float, ...] | Floats) -> Floats:
     """(n, columns) independent draws of standard deviation sigma, one for all columns or one each."""
-    return rng.standard_normal((n, columns)) * np.asarray(sigma)
+    out = rng.standard_normal((n, columns))
+    out *= sigma
+    return out
 
 
 def random_walk(rng: Generator, n: int, columns: int, dt: float, density: float, start: float = 0.0) -> Floats:

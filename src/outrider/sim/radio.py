@@ -62,6 +62,8 @@ class Radio:
 
     def down(self, sender: str, receiver: str, seconds: float) -> bool:
         """Whether the link is in an outage."""
+        if not self.outages_s:
+            return False
         names = (f"{a}>{b}" for a in (sender, "*") for b in (receiver, "*"))
         return any(start <= seconds < end for link in names for start, end in self.outages_s.get(link, ()))
 
@@ -119,7 +121,7 @@ class Air:
         t = leaves + sending + round((radio.latency_s + radio.jitter_s * wait) * 1e9)
         if radio.down(*link, (message.t - self._start) * 1e-9):
             return Delivery(message, receiver, None, Lost.OUTAGE)
-        if float(np.linalg.norm(places[receiver] - places[message.sender])) > radio.range_m:
+        if radio.range_m < inf and float(np.linalg.norm(places[receiver] - places[message.sender])) > radio.range_m:
             return Delivery(message, receiver, None, Lost.RANGE)
         if chance < radio.loss:
             return Delivery(message, receiver, None, Lost.CHANCE)

@@ -111,6 +111,8 @@ class Truth:
 
     def at(self, t: Ints) -> "Truth":
         """The truth at other stamps [ns] within its span: cubic in position, SLERP in attitude, linear in the rest."""
+        if t.size == 1 and (rows := self.rows_at(t)) is not None:  # of most sensors in most steps
+            return self.select(rows)
         if t.size and (t.min() < self.t[0] or t.max() > self.t[-1]):
             raise ConfigError("truth is not extrapolated", where=self.robot, fix="ask for stamps within its span")
         if (rows := self.rows_at(t)) is not None:
@@ -132,8 +134,8 @@ class Truth:
     def rows_at(self, t: Ints) -> Ints | slice | None:
         """The rows with just these stamps, as a slice if they are evenly spaced; None if some lie between rows."""
         spacing = max(int(self.t[1] - self.t[0]), 1) if len(self) > 1 else 1
-        if t.size == 1:  # of most sensors in most steps
-            k = min(int(t[0] - self.t[0]) // spacing, len(self) - 1)
+        if t.size == 1:
+            k = max(min(int(t[0] - self.t[0]) // spacing, len(self) - 1), 0)
             return slice(k, k + 1, 1) if self.t[k] == t[0] else None
         i = np.minimum((t - self.t[0]) // spacing, len(self) - 1)
         if not np.array_equal(self.t[i], t):
@@ -211,9 +213,11 @@ def _wheel_scale(rng: Generator, truth: Truth, how: Drift) -> Floats:
 
 def rotate(q: Floats, v: Floats) -> Floats:
     """R(q) v for rows of unit quaternions q (n, 4) and v (n, 3) or (3,)."""
-    rows = np.ascontiguousarray(np.broadcast_to(v, (q.shape[0], 3)))
-    out = np.empty_like(rows)
-    _rotate_rows(np.ascontiguousarray(q), rows, out)
+    out = np.empty((q.shape[0], 3))
+    if v.ndim == 1:
+        _rotate_one(np.ascontiguousarray(q), v, out)
+    else:
+        _rotate_rows(np.ascontiguousarray(q), np.ascontiguousarray(np.broadcast_to(v, out.shape)), out)
     return out
 
 
@@ -221,3 +225,9 @@ def rotate(q: Floats, v: Floats) -> Floats:
 def _rotate_rows(q: Floats, v: Floats, out: Floats) -> None:
     for i in range(q.shape[0]):
         rotations.rotate(q[i], v[i], out[i])
+
+
+@kernel
+def _rotate_one(q: Floats, v: Floats, out: Floats) -> None:
+    for i in range(q.shape[0]):
+        rotations.rotate(q[i], v, out[i])

@@ -15,7 +15,7 @@ from typing import Any, Final, TypeAlias, final
 
 import numpy as np
 
-from outrider.core.rotations import matrices_to_quats
+from outrider.core.attitudes import quat_of_matrix
 from outrider.data import Datum, Stream
 from outrider.data.agents import Message
 from outrider.errors import ConfigError
@@ -28,10 +28,10 @@ from outrider.filters.cooperative.ledger import Relative
 from outrider.filters.cooperative.robot import Filter, gates
 from outrider.models.kinematics import K_P, K_R, K_V, K_W, T_P, T_TH
 from outrider.team.channel import Air, Channel
-from outrider.team.ears import Batch, Ear, merged, rows_of, split
+from outrider.team.ears import Batch, Ear, Table, merged, padded, rows_of, split, table_of
 from outrider.team.exchange import Refusal
 from outrider.team.navigator import Fused
-from outrider.typing import Floats
+from outrider.typing import Floats, Ints
 
 AHEAD: Final = 1.0  # s that an estimate is carried on at most
 PATIENCE: Final = 3.0  # s for which a meeting waits for news of it
@@ -76,7 +76,9 @@ class Crew:
         self._out: dict[tuple[str, int], list[Floats]] = {}
         self.kept = {name: Kept() for name in self.names}
         self.crossed: dict[tuple[str, str], list[Floats]] = {pair: [] for pair in combinations(self.names, 2)}
+        self._tables: list[Table] = []
         self._filters = self._made(members)
+        self._taken: list[list[tuple[Ints, Floats]]] = [[] for _ in self._filters]
         self._shown: dict[str, tuple[Filter, Floats, Floats, slice]] = {}
         self._air = air
         self._sent = 0
@@ -94,6 +96,7 @@ class Crew:
         made: list[Filter] = []
         for group in groups:
             sources: list[Source] = []
+            heard: list[Ear] = []
             for m in group:
                 for k, e in enumerate(self._ears[m.name]):
                     if e.partner and e.partner not in self.names:
@@ -101,9 +104,11 @@ class Crew:
                     if e.partner and self.method is not Method.JOINT:
                         continue
                     self._number[m.name, k] = len(sources)
+                    heard.append(e)
                     none = np.zeros(0)
                     sources.append(Source(robot=m.name, sensor=e.sensor, t=none, z=none, partner=e.partner))
             gate = gates(FALSE_ALARM)
+            self._tables.append(table_of(heard))
             made.append(Filter(group, sources, NO_RECORDS, np.zeros(0), 0.0, gate=gate, carries=self.method.carries))
         return made
 
@@ -133,13 +138,13 @@ class Crew:
     def _whole(self, at: Floats) -> None:
         """Fuse everything, as `_advance` does in the steps `at` (k,) s."""
         self._until = dict.fromkeys(self.names, float(at[-1]))
-        for f in self._filters:
-            alone = [(m.name, b) for m in f.members for b in self._due(m.name, float(at[-1]))]
-            f.feed(merged(alone, self._number, self._ears))
+        for f, table, taken in zip(self._filters, self._tables, self._taken, strict=True):
+            alone = [(self._number[m.name, b.ear], b) for m in f.members for b in self._due(m.name, float(at[-1]))]
+            f.feed(merged(alone, table))
             f.sample(at)
             f.run(float(at[-1]))
             f.x[-1], f.P[-1] = f.belief.x, f.belief.P  # times before the end are sampled by the run
-            self._count(f, self._out)
+            taken.append((f.records.source, f.out))
         self._shown.clear()
         views = {name: self._sampled(name) for name in self.names}
         for i, (name, (pose, rows, f, own)) in enumerate(views.items()):
@@ -164,22 +169,24 @@ class Crew:
     def _advance(self, until: float) -> None:
         """Fuse everything up to `until` [s], in the order of time; what belongs to later waits."""
         meetings: list[Meeting] = []
-        for f in self._filters:
-            rows = [(m.name, self._due(m.name, until)) for m in f.members]
-            alone = [(name, b) for name, batch in rows for b in batch if (name, b[1]) in self._number]
-            for name, batch in rows:
-                for t, k, z, r in batch:
-                    if (name, k) not in self._number:
-                        meetings += [(float(t[i]), name, k, z[i], r[i]) for i in range(t.size)]
-            (f.extend if self._mates else f.feed)(merged(alone, self._number, self._ears))
+        for f, table in zip(self._filters, self._tables, strict=True):
+            alone: list[tuple[int, Batch]] = []
+            for m in f.members:
+                for b in self._due(m.name, until):
+                    if (s := self._number.get((m.name, b.ear))) is not None:
+                        alone.append((s, b))
+                        continue
+                    z, r = padded(b, self._ears[m.name][b.ear])
+                    meetings += [(float(b.t[i]), m.name, b.ear, z[i], r[i]) for i in range(b.t.size)]
+            (f.extend if self._mates else f.feed)(merged(alone, table))
         for _, met in groupby(sorted(meetings, key=lambda m: m[:3]), key=lambda m: m[0]):
             (self._tell if self._mates else self._correct)(list(met))
         if self._channel is not None:
             self._channel.receive(until)
-        for f in self._filters:
+        for f, taken in zip(self._filters, self._taken, strict=True):
             f.run(until)
             if not self._mates:  # others come back to their records
-                self._count(f, self._out)
+                taken.append((f.records.source, f.out))
         self._shown.clear()
         rows = {name: self._pose_rows(name) for name in self.names}
         for name in self.names:
@@ -250,15 +257,22 @@ class Crew:
 
     def _due(self, name: str, until: float) -> list[Batch]:
         halves = [split(b, until + TICK) for b in self._waiting[name]]
-        self._waiting[name] = [later for _, later in halves if later.t.size]
+        self._waiting[name] = [later for _, later in halves if later is not None]
         return [now for now, _ in halves if now.t.size]
 
-    def _count(self, f: Filter, into: dict[tuple[str, int], list[Floats]]) -> None:
-        """What became of the records of a filter, by robot and ear."""
-        names = [m.name for m in f.members]
-        for (name, k), s in self._number.items():
-            if name in names and (rows := f.out[f.records.source == s]).size:
-                into.setdefault((name, k), []).append(rows)
+    def _outcomes(self) -> dict[tuple[str, int], list[Floats]]:
+        """What became of the records that filters took, by robot and ear."""
+        out: dict[tuple[str, int], list[Floats]] = {}
+        for f, taken in zip(self._filters, self._taken, strict=True):
+            every = [(f.records.source, f.out)] if self._mates else taken
+            if not every:
+                continue
+            names = [m.name for m in f.members]
+            source, rows = np.concatenate([s for s, _ in every]), np.concatenate([r for _, r in every])
+            for (name, k), s in self._number.items():
+                if name in names and (own := rows[source == s]).size:
+                    out[name, k] = [own]
+        return out
 
     def _view(self, robot: str) -> tuple[Filter, Floats, Floats, slice]:
         """Its filter, its kinematic view and Jacobian, and its rows of the filter's errors, as of the last step."""
@@ -308,17 +322,16 @@ class Crew:
         R, v, w = k[K_R : K_R + 9].reshape(3, 3).copy(), k[K_V : K_V + 3].copy(), float(k[K_W + 2])
         rows = K[T_P : T_P + 3, : own.stop - own.start]
         return Fused(
-            t=t, p=k[K_P : K_P + 3] + v * ahead, v=v, q=matrices_to_quats(R[None])[0],
+            t=t, p=k[K_P : K_P + 3] + v * ahead, v=v, q=quat_of_matrix(R),
             heading=float(np.arctan2(R[1, 0], R[0, 0])) + w * ahead, w=w, P=rows @ f.belief.P[own, own] @ rows.T,
         )  # fmt: skip
 
     def agreements(self) -> list[Agreement]:
         """Of each sensor of each robot, and of each one's looks at each other: what was used, and whether it agreed."""
-        told = self._out
+        told = self._outcomes()
+        for key, rows in self._out.items():
+            told.setdefault(key, []).extend(rows)
         if self._mates:
-            told = {}
-            for f in self._filters:
-                self._count(f, told)
             for r, key in self._seen:
                 found = self._mates[r.observer].outcomes.get(r.key)
                 if found is not None:

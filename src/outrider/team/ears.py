@@ -1,6 +1,6 @@
 """How a team hears its sensors: streams of records as rows for the filters, by time, and what of them is due."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, final
 
@@ -12,7 +12,7 @@ from outrider.filters.cooperative.fusion import NO_RECORDS
 from outrider.filters.cooperative.robot import Records
 from outrider.filters.state import ROWS
 from outrider.models.sensors import SensorModel
-from outrider.typing import Floats
+from outrider.typing import Bools, Floats
 
 
 @final
@@ -31,46 +31,76 @@ class Ear:
 
 
 class Batch(NamedTuple):
-    """Records of one ear. t : (n,) s, not decreasing;  ear : which;  z, r : (n, ROWS) values and variances."""
+    """Records of one ear. t : (n,) s, not decreasing;  ear : which;  z : (n, columns) as its sensor reads them."""
 
     t: Floats
     ear: int
     z: Floats
-    r: Floats
+
+
+class Table(NamedTuple):
+    """The sources of one filter. variances : (sources, ROWS), infinite: not in use;  late : (sources,) whether theirs
+    come last among records of one time: those that are about a partner."""
+
+    variances: Floats
+    late: Bools
+
+
+def table_of(ears: Sequence[Ear]) -> Table:
+    """As the filters read the records of these ears."""
+    return Table(np.array([variances_of(e) for e in ears]).reshape(-1, ROWS), np.array([bool(e.partner) for e in ears]))
+
+
+def variances_of(e: Ear) -> Floats:
+    """(ROWS,) of a record of one ear."""
+    return np.array([s**2 for s in e.sigmas] + [np.inf] * (ROWS - len(e.sigmas)))
 
 
 def rows_of(k: int, e: Ear, s: Stream, start: int, datum: Datum) -> Batch:
-    """A stream as ear k hears it, in the order of time since `start` [ns]; a row that is not finite is not in use."""
+    """A stream as ear k hears it, in the order of time since `start` [ns]."""
     own = s if not e.partner else s.select(s.z[:, 0] == e.number)
-    if (own.t[1:] < own.t[:-1]).any():
+    if len(own) > 1 and (own.t[1:] < own.t[:-1]).any():
         own = own.select(np.argsort(own.t, kind="stable"))
     z = site_position(own, datum) if own.kind is Kind.GNSS else own.z[:, e.columns[0] : e.columns[1]]
-    out, r = np.zeros((len(own), ROWS)), np.empty((len(own), ROWS))
-    out[:, : z.shape[1]], r[:, : len(e.sigmas)], r[:, len(e.sigmas) :] = z, np.array(e.sigmas) ** 2, np.inf
-    if not np.isfinite(z).all():
-        bad = ~np.isfinite(out).all(axis=1)
-        out[bad], r[bad] = 0.0, np.inf
-    return Batch(np.asarray((own.t - start) * 1e-9, np.float64), k, out, r)
+    return Batch(np.asarray((own.t - start) * 1e-9, np.float64), k, z)
 
 
-def split(b: Batch, until: float) -> tuple[Batch, Batch]:
-    """What is due up to `until` [s], and what is later."""
+def in_use(z: Floats, r: Floats) -> tuple[Floats, Floats]:
+    """Rows z, r (n, ROWS); one that is not finite is not in use."""
+    good = np.isfinite(z)
+    if good.all():
+        return z, r
+    bad = ~np.logical_and.reduce(good, axis=1, keepdims=True)
+    return np.where(bad, 0.0, z), np.where(bad, np.inf, r)
+
+
+def padded(b: Batch, e: Ear) -> tuple[Floats, Floats]:
+    """Values and variances (n, ROWS) of a batch of one ear; a row that is not finite is not in use."""
+    z, r = np.zeros((b.t.size, ROWS)), np.tile(variances_of(e), (b.t.size, 1))
+    z[:, : b.z.shape[1]] = b.z
+    return in_use(z, r)
+
+
+def split(b: Batch, until: float) -> tuple[Batch, Batch | None]:
+    """What is due up to `until` [s], and what is later, if anything is."""
     if not b.t.size or b.t[-1] <= until:
-        return b, b._replace(t=b.t[:0], z=b.z[:0], r=b.r[:0])
+        return b, None
     n = int(np.searchsorted(b.t, until, side="right"))
-    return b._replace(t=b.t[:n], z=b.z[:n], r=b.r[:n]), b._replace(t=b.t[n:], z=b.z[n:], r=b.r[n:])
+    return Batch(b.t[:n], b.ear, b.z[:n]), Batch(b.t[n:], b.ear, b.z[n:])
 
 
-def merged(
-    batches: Sequence[tuple[str, Batch]], number: Mapping[tuple[str, int], int], ears: Mapping[str, Sequence[Ear]]
-) -> Records:
-    """All rows by time, at one time relative ones last. number : (robot, ear) -> source of the filter"""
+def merged(batches: Sequence[tuple[int, Batch]], table: Table) -> Records:
+    """All rows by time, at one time relative ones last. batches : with their sources of the filter"""
     if not batches:
         return NO_RECORDS
-    sizes = [b.t.size for _, b in batches]
     t = np.concatenate([b.t for _, b in batches])
-    source = np.repeat(np.array([number[name, b.ear] for name, b in batches], np.int64), sizes)
-    last = np.repeat([bool(ears[name][b.ear].partner) for name, b in batches], sizes)
-    order = np.lexsort((source, last, t))
-    z, r = np.concatenate([b.z for _, b in batches]), np.concatenate([b.r for _, b in batches])
-    return Records(t=t[order], source=source[order], z=z[order], r=r[order])
+    source, z = np.empty(t.size, np.int64), np.zeros((t.size, ROWS))
+    first = 0
+    for s, b in batches:
+        rows = slice(first, first + b.t.size)
+        source[rows], z[rows, : b.z.shape[1]] = s, b.z
+        first = rows.stop
+    order = np.lexsort((source, table.late[source], t))
+    source = source[order]
+    z, r = in_use(z[order], table.variances[source])
+    return Records(t=t[order], source=source, z=z, r=r)

@@ -53,9 +53,9 @@ class Follower:
         end."""
         goal = self.path.duration if to_s is None else to_s
         behind = float(np.linalg.norm(self.place() - here.p))
-        wanted = float(np.clip(goal - self.s, -1.0, 1.0)) * float(np.clip(2.0 - behind / SLACK, 0.0, 1.0))
-        self.rate += float(np.clip(wanted - self.rate, -RAMP * period_s, RAMP * period_s))
-        self.s = float(np.clip(self.s + self.rate * period_s, 0.0, self.path.duration))
+        wanted = _clipped(goal - self.s, -1.0, 1.0) * _clipped(2.0 - behind / SLACK, 0.0, 1.0)
+        self.rate += _clipped(wanted - self.rate, -RAMP * period_s, RAMP * period_s)
+        self.s = _clipped(self.s + self.rate * period_s, 0.0, self.path.duration)
         p, v = (row[0] for row in self.path.at(np.array([self.s])))
         return self.rate * v + self.gain * (p - here.p), self.turning(here, v)
 
@@ -64,7 +64,11 @@ class Follower:
         if hypot(v[0], v[1]) < 0.05:
             return 0.0
         off = wrap(float(np.arctan2(v[1], v[0])) - here.heading)
-        return float(np.clip(TURN * off, -self.turn, self.turn))
+        return _clipped(TURN * off, -self.turn, self.turn)
+
+
+def _clipped(x: float, low: float, high: float) -> float:
+    return min(max(x, low), high)
 
 
 def within(v: Floats, speed: float) -> Floats:

@@ -177,7 +177,7 @@ class Drone:
         before = self.flight
         docked = before.phase is Phase.DOCKED
         used = self.period_s / (-self.charge_s if docked else self.endurance_s)
-        self.battery = float(np.clip(self.battery - used, 0.0, 1.0))
+        self.battery = min(max(self.battery - used, 0.0), 1.0)
         self.flight = advance(before, self._senses(t, here), self.rules)
         command = self._gently(self._command(t, here))
         changed = self.flight.phase is not before.phase
@@ -210,10 +210,11 @@ class Drone:
         """Where the pad is, by the newest sightings."""
         still = self._heard.velocity if self._heard is not None else np.zeros(2)
         self.sight.carry(here.v - np.array([*still, 0.0]), self.period_s)
-        R = quats_to_matrices(here.q[None])[0]
         for s in records:
-            rows = np.flatnonzero(s.z[:, 0] == self.number) if s.name == self.camera else np.zeros(0, np.int64)
-            for i in rows.tolist():
+            if s.name != self.camera:
+                continue
+            R = quats_to_matrices(here.q[None])[0]
+            for i in np.flatnonzero(s.z[:, 0] == self.number).tolist():
                 body = self.mount @ s.z[i, 1:4] + self.lever  # of the carrier's origin, from here
                 turned = R @ self.mount @ quats_to_matrices(s.z[i : i + 1, 4:8])[0]
                 heading = np.arctan2(turned[1, 0], turned[0, 0])

@@ -53,7 +53,20 @@ class TimedPath:
 
     def at(self, t: Floats) -> tuple[Floats, Floats]:
         """Place and velocity (k, 3) at times (k,), held at both ends."""
+        if t.size == 1:
+            return self._at_one(float(t[0]))
         p, v = (np.column_stack([np.interp(t, self.t, column[:, c]) for c in range(3)]) for column in (self.p, self.v))
+        return p, v
+
+    def _at_one(self, t: float) -> tuple[Floats, Floats]:
+        """The same of one time, as one who follows the path asks for."""
+        i = int(self.t.searchsorted(t, "right")) - 1
+        if not 0 <= i < self.t.size - 1:
+            i = 0 if i < 0 else self.t.size - 1
+            return self.p[i : i + 1].copy(), self.v[i : i + 1].copy()
+        here, there = float(self.t[i]), float(self.t[i + 1])
+        left, right = slice(i, i + 1), slice(i + 1, i + 2)
+        p, v = ((x[right] - x[left]) / (there - here) * (t - here) + x[left] for x in (self.p, self.v))
         return p, v
 
 

@@ -7,6 +7,7 @@ made, white noise row by row: one call over a whole run and many over its pieces
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Protocol, TypeAlias, final, runtime_checkable
 
 import numpy as np
@@ -101,19 +102,44 @@ def stamps(piece: Truth, rate_hz: float, phase_s: float = 0.0) -> Ints:
 def sampled(piece: Truth, rate_hz: float, phase_s: float = 0.0) -> Truth:
     """A piece at its `stamps`, which sensors of one rate share."""
     key = (rate_hz, phase_s)
-    if key not in piece.samples:
-        piece.samples[key] = piece.at(stamps(piece, rate_hz, phase_s))
-    return piece.samples[key]
+    here = piece.samples.get(key)
+    if here is None:
+        rows = _on_rows(piece, rate_hz, phase_s)
+        here = piece.at(stamps(piece, rate_hz, phase_s)) if rows is None else piece.select(rows)
+        piece.samples[key] = here
+    return here
+
+
+def _on_rows(piece: Truth, rate_hz: float, phase_s: float) -> slice | None:
+    """The rows at which a sensor's `stamps` fall; None unless all of them fall on rows for certain."""
+    n = len(piece)
+    if n < 2:
+        return None
+    begins, second, last = int(piece.t[0]), int(piece.t[1]), int(piece.t[-1])
+    step, every, phase, first = second - begins, 1e9 / rate_hz, phase_s * 1e9, begins - piece.start
+    if step <= 0 or last - begins != step * (n - 1) or every % step or phase % step or first % step:
+        return None
+    row = max(int(phase) - first, 0 if first == 0 else step) // step
+    row += (int(phase) - first - row * step) % int(every) // step
+    return slice(row, n, int(every) // step)
 
 
 def nothing(sensor: Sensor | Plain, kind: Kind, truth: Truth) -> Stream:
     """No record of this sensor."""
-    return stream(sensor.name, kind, truth.t[:0], np.zeros((0, len(kind.columns))), robot=truth.robot)
+    return _nothing(sensor.name, kind, truth.robot)
 
 
-def record(sensor: Sensor | Plain, kind: Kind, truth: Truth, z: Floats, variance: Floats, **more: object) -> Stream:
+@cache
+def _nothing(name: str, kind: Kind, robot: str) -> Stream:
+    return stream(name, kind, np.zeros(0, np.int64), np.zeros((0, len(kind.columns))), robot=robot)
+
+
+def record(
+    sensor: Sensor | Plain, kind: Kind, truth: Truth, z: Floats, variance: Floats, *, latency_s: float = 0.0,
+    **more: object,
+) -> Stream:  # fmt: skip
     """A stream with one variance for all rows; `latency_s` says how much later it arrives."""
-    late = round(float(more.pop("latency_s", 0.0)) * 1e9)  # type: ignore[arg-type]
     var = np.empty((truth.t.size, variance.size))
     var[:] = variance
-    return stream(sensor.name, kind, truth.t, z, var=var, t_arrival=truth.t + late, robot=truth.robot, **more)
+    arrival = truth.t + round(latency_s * 1e9) if latency_s else truth.t
+    return stream(sensor.name, kind, truth.t, z, var=var, t_arrival=arrival, robot=truth.robot, **more)

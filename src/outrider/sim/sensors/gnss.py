@@ -11,6 +11,7 @@ from outrider.data import Altitude, Fix, Kind, Stream
 from outrider.sim.noise import white
 from outrider.sim.sensors.base import Vector, record, sampled
 from outrider.sim.truth import Truth, rotate
+from outrider.typing import Floats
 
 
 @final
@@ -31,15 +32,16 @@ class Gnss:
 
     def sample(self, truth: Truth, rng: Generator) -> Stream:
         here = sampled(truth, self.rate_hz, self.phase_s)
-        n, sigma = len(here), np.array([self.sigma, self.sigma, self.sigma_up])
+        n, sigma, site = len(here), np.array([self.sigma, self.sigma, self.sigma_up]), truth.datum
         p = here.p + rotate(here.q, np.array(self.lever)) + here.bias.gnss + white(rng, n, 3, 1.0) * sigma
-        site = truth.datum
-        z = np.column_stack(enu_to_geodetic(p, site.lat, site.lon, site.alt))
+        z = np.empty((n, 3))
+        z[:, 0], z[:, 1], z[:, 2] = enu_to_geodetic(p, site.lat, site.lon, site.alt)
         extra = {"fix": self.fix.value, "satellites": self.satellites, "hdop": 0.8}
         extra |= {"hacc": self.sigma, "vacc": self.sigma_up}
-        columns = {name: np.full(n, float(value)) for name, value in extra.items()}
-        options = {"frame": self.name, "latency_s": self.latency_s, "altitude": Altitude.ELLIPSOID, "extra": columns}
-        return record(self, Kind.GNSS, here, z, sigma**2, **options)
+        each = np.repeat(np.array(list(extra.values()), np.float64)[:, None], n, axis=1)
+        columns = dict(zip(extra, each, strict=True))
+        options = {"frame": self.name, "altitude": Altitude.ELLIPSOID, "extra": columns}
+        return record(self, Kind.GNSS, here, z, sigma**2, latency_s=self.latency_s, **options)
 
 
 @final
@@ -59,5 +61,15 @@ class GnssVelocity:
     def sample(self, truth: Truth, rng: Generator) -> Stream:
         here = sampled(truth, self.rate_hz, self.phase_s)
         sigma = np.array([self.sigma, self.sigma, self.sigma_up])
-        z = here.v + rotate(here.q, np.cross(here.w, np.array(self.lever))) + white(rng, len(here), 3, 1.0) * sigma
+        z = here.v + rotate(here.q, _swung(here.w, self.lever)) + white(rng, len(here), 3, 1.0) * sigma
         return record(self, Kind.GNSS_VELOCITY, here, z, sigma**2, frame=self.frame, latency_s=self.latency_s)
+
+
+def _swung(w: Floats, lever: Vector) -> Floats:
+    """w x lever of rows w (n, 3)."""
+    x, y, z = w.T
+    out = np.empty(w.shape)
+    out[:, 0] = y * lever[2] - z * lever[1]
+    out[:, 1] = z * lever[0] - x * lever[2]
+    out[:, 2] = x * lever[1] - y * lever[0]
+    return out

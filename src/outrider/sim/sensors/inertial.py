@@ -49,23 +49,29 @@ class Imu:
     def device(self, setting: Setting, rng: Generator) -> Device:
         matrices, instability = self._slow(setting, rng.spawn(1)[0])
         sigma = np.repeat([self.gyro_density, self.accel_density], 3) * np.sqrt(self.rate_hz)
+        variance = sigma**2
         limit = np.repeat([self.gyro_range, self.accel_range], 3)
-        R = quats_to_matrices(np.array(self.mount))  # R_body_sensor
+        limited = bool(np.isfinite(limit).any())
+        R = None if self.mount == STRAIGHT else quats_to_matrices(np.array(self.mount))  # R_body_sensor
 
         def sense(own: Truth, others: Mapping[str, Truth]) -> Stream:
             here = sampled(self._felt(own), self.rate_hz)
-            z = np.hstack([(here.w + here.bias.gyro) @ R, (here.f + here.bias.accel) @ R])
+            z = np.empty((len(here), 6))
+            np.add(here.w, here.bias.gyro, out=z[:, :3])
+            np.add(here.f, here.bias.accel, out=z[:, 3:])
+            if R is not None:
+                z[:, :3], z[:, 3:] = z[:, :3] @ R, z[:, 3:] @ R
             if matrices is not None:
                 z = z @ matrices.T
             if instability is not None:
                 z += instability[np.rint(setting.seconds(here.t) * self.rate_hz).astype(np.int64)]
-            z += white(rng, len(here), 6, 1.0) * sigma
+            z += white(rng, len(here), 6, sigma)
             if self.vibration:
                 phase = 2 * np.pi * self.vibration_hz * setting.seconds(here.t)
                 z[:, 3:] += self.vibration * np.sin(phase[:, None] + np.array([0.0, 2.1, 4.2]))
-            if np.isfinite(limit).any():
+            if limited:
                 np.clip(z, -limit, limit, out=z)
-            return record(self, Kind.IMU, here, z, sigma**2, frame=self.name)
+            return record(self, Kind.IMU, here, z, variance, frame=self.name)
 
         return sense
 

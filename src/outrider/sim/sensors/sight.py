@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from math import inf
-from typing import final
+from typing import Final, final
 from zlib import crc32
 
 import numpy as np
@@ -16,6 +16,8 @@ from outrider.sim.noise import white
 from outrider.sim.sensors.base import STRAIGHT, Device, Quaternion, Setting, Vector, nothing, record, sampled
 from outrider.sim.truth import Truth, rotate
 from outrider.typing import Bools, Floats
+
+ROUNDING: Final = 1e-6  # more than that of a rotation, as a share
 
 
 def number_of(robot: str) -> float:
@@ -95,7 +97,7 @@ class ObjectPose:
             if not len(here):
                 return nothing(self, Kind.POSE, own)
             z, keep = np.hstack([here.p, here.q]), self._matched(here, points)
-            draws = white(rng, len(here), 6, 1.0) * np.repeat([self.sigma, self.sigma_angle], 3)
+            draws = white(rng, len(here), 6, np.repeat([self.sigma, self.sigma_angle], 3))
             z[:, :3] += draws[:, :3]
             z[:, 3:] = quats_multiply(here.q, quats_exp(draws[:, 3:]))
             variance = np.repeat([self.sigma, self.sigma_angle], 3) ** 2
@@ -131,20 +133,27 @@ class RobotCamera:
     latency_s: float = 0.0
 
     def device(self, setting: Setting, rng: Generator) -> Device:
+        lever, axis = np.array(self.lever), rotate(np.array([self.mount]), np.array([1.0, 0.0, 0.0]))[0]
+
         def sense(own: Truth, others: Mapping[str, Truth]) -> Stream:
             here = sampled(own, self.rate_hz)
-            eye = here.p + rotate(here.q, np.array(self.lever))
-            back = quats_conjugate(quats_multiply(here.q, np.tile(self.mount, (len(here), 1))))
-            seconds = setting.seconds(here.t)
+            eye = here.p + rotate(here.q, lever)
+            back: Floats | None = None
             rows: list[Floats] = []
             keep: list[Bools] = []
             for name in sorted(others):
                 there = others[name].at(here.t)
-                p = rotate(back, there.p - eye)
+                draws = white(rng, len(here), 6, 1.0)
+                apart = there.p - eye
+                if not self._perhaps(rotate(here.q, axis), apart).any():
+                    continue
+                if back is None:
+                    back = quats_conjugate(quats_multiply(here.q, np.tile(self.mount, (len(here), 1))))
+                p = rotate(back, apart)
                 distance = np.linalg.norm(p, axis=1)
                 seen = (distance < self.reach) & (p[:, 0] > np.cos(self.half_angle) * distance)
-                seen[seen] &= setting.world.sees(eye[seen], there.p[seen], seconds[seen])
-                draws = white(rng, len(here), 6, 1.0)
+                if seen.any():
+                    seen[seen] &= setting.world.sees(eye[seen], there.p[seen], setting.seconds(here.t)[seen])
                 if seen.any():
                     q = quats_multiply(quats_multiply(back, there.q), quats_exp(draws[:, 3:] * self.sigma_angle))
                     p = p + draws[:, :3] * self.sigma
@@ -156,6 +165,12 @@ class RobotCamera:
             return replace(made, frame=self.name)
 
         return sense
+
+    def _perhaps(self, axis: Floats, apart: Floats) -> Bools:
+        """Whether places `apart` (n, 3) from the camera might be in its view along axes (n, 3), up to rounding."""
+        distance = np.sqrt(np.add.reduce(apart * apart, axis=1))
+        ahead = np.add.reduce(axis * apart, axis=1) + ROUNDING * (1.0 + distance)
+        return (distance < self.reach * (1.0 + ROUNDING)) & (ahead > np.cos(self.half_angle) * distance)
 
     def _variance(self) -> Floats:
         return np.repeat([self.sigma, self.sigma_angle], 3) ** 2

@@ -32,9 +32,14 @@ class BodyTwist:
         n, known = len(here), np.array([0, 5] if self.rolling else range(6))
         body = rotate(quats_conjugate(here.q), here.v) / (1.0 + here.bias.wheels[:, None])
         sigma = np.repeat([self.sigma_v, self.sigma_w], 3)
-        measured = np.hstack([body, here.w]) + white(rng, n, 6, 1.0) * sigma
-        z, variance = np.zeros((n, 6)), np.full(6, np.nan)
-        z[:, known], variance[known] = measured[:, known], sigma[known] ** 2
+        measured = np.empty((n, 6))
+        measured[:, :3], measured[:, 3:] = body, here.w
+        measured += white(rng, n, 6, sigma)
+        z, variance = measured, np.full(6, np.nan)
+        if self.rolling:
+            z = np.zeros((n, 6))
+            z[:, known] = measured[:, known]
+        variance[known] = sigma[known] ** 2
         return record(self, Kind.TWIST, here, z, variance, frame=self.frame)
 
 
