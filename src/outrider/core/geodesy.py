@@ -108,10 +108,10 @@ def ecef_to_geodetic(p: ArrayLike) -> Geodetic:
     W2 = 1.0 - _E2 * s * s
     N = A / np.sqrt(W2)  # radius of curvature across the meridian; along it, M = N (1 - e^2) / W^2
     along, up = np.hypot(x, y) - (N + alt) * c, z - (N * (1.0 - _E2) + alt) * s
-    lat = np.clip(lat + (c * up - s * along) / (N * (1.0 - _E2) / W2 + alt), -0.5 * pi, 0.5 * pi)
+    lat = np.minimum(np.maximum(lat + (c * up - s * along) / (N * (1.0 - _E2) / W2 + alt), -0.5 * pi), 0.5 * pi)
     alt = alt + c * along + s * up
     shape = xyz.shape[:-1]
-    return lat.reshape(shape), lon.reshape(shape), alt.reshape(shape)
+    return (lat, lon, alt) if len(shape) == 1 else (lat.reshape(shape), lon.reshape(shape), alt.reshape(shape))
 
 
 def _closed_form(x: Floats, y: Floats, z: Floats) -> Geodetic:
@@ -121,17 +121,18 @@ def _closed_form(x: Floats, y: Floats, z: Floats) -> Geodetic:
     near the axis or the centre of the Earth or that are not finite, is left to it.
     """
     r2, e2 = np.sqrt(x**2 + y**2 + z**2) ** 2 - _LINEAR**2, 2 * _LINEAR * z
-    u, flat = np.sqrt(0.5 * r2 + 0.5 * np.hypot(r2, e2)), np.hypot(x, y)
+    u, flat = np.sqrt(0.5 * r2 + 0.5 * np.hypot(r2, e2)), np.hypot(x, y)  # u: of the ellipsoid through the place
     if not bool(((u > 1.0) & (flat > 1.0)).all()):
         lat, lon, alt = (np.reshape(a, x.shape) for a in _pymap3d.ecef2geodetic(x, y, z, deg=False))
         return lat, lon, alt
     v = np.hypot(u, _LINEAR)
     beta = np.arctan(v / u * z / flat)
-    c = np.cos(beta)
-    beta += ((B * u - A * v + _LINEAR**2) * np.sin(beta)) / (A * v * 1 / c - _LINEAR**2 * c)
+    c, Av = np.cos(beta), A * v
+    beta += ((B * u - Av + _LINEAR**2) * np.sin(beta)) / (Av / c - _LINEAR**2 * c)
     alt = np.hypot(z - B * np.sin(beta), flat - A * np.cos(beta))
-    inside = x**2 / A**2 + y**2 / A**2 + z**2 / B**2 < 1
-    return np.arctan(A / B * np.tan(beta)), np.arctan2(y, x), np.where(inside, -alt, alt)
+    if not (u > B + 1.0).all():
+        alt = np.where(x**2 / A**2 + y**2 / A**2 + z**2 / B**2 < 1, -alt, alt)  # inside
+    return np.arctan(A / B * np.tan(beta)), np.arctan2(y, x), alt
 
 
 def rotation_enu_ecef(lat: float, lon: float) -> Floats:

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from itertools import pairwise
+from math import isfinite
 from typing import final
 
 import numpy as np
@@ -64,7 +65,8 @@ class Course:
         last = int(np.searchsorted(self.truth.t, until, side="right")) - 1
         if self._vehicle is not None and last > self.k:
             if isinstance(command, np.ndarray):
-                u = np.tile(command, (last - self.k, 1))
+                u = np.empty((last - self.k, command.size))
+                u[:] = command
             else:
                 u = command.plan(np.asarray((self.truth.t[self.k : last] - self._start) * 1e-9, np.float64))
             u, rows = np.ascontiguousarray(u), slice(self.k + 1, last + 1)
@@ -77,7 +79,7 @@ class Course:
     @property
     def finite(self) -> bool:
         """Whether the newest row is made of numbers."""
-        return bool(np.isfinite(self.truth.p[self.k]).all() and np.isfinite(self.truth.v[self.k]).all())
+        return all(map(isfinite, (*self.truth.p[self.k].tolist(), *self.truth.v[self.k].tolist())))
 
     def piece(self, after: int, until: int) -> Truth:
         """The truth from the last row not later than `after` [ns] to the last one not later than `until`."""

@@ -97,8 +97,11 @@ class Air:
         receivers = [message.receiver] if message.receiver else [r for r in self._robots if r != message.sender]
         made = tuple(self._deliver(message, receiver, places) for receiver in receivers)
         self.sent += len(made)
-        self.lost.update(d.lost for d in made if d.lost is not None)
-        self._under_way += [d for d in made if d.t is not None]
+        for d in made:
+            if d.lost is None:
+                self._under_way.append(d)
+            else:
+                self.lost[d.lost] += 1
         return made
 
     def receive(self, robot: str, until: int) -> tuple[Message, ...]:

@@ -131,6 +131,11 @@ class Truth:
         others = {name: line(getattr(self, name)) for name in ("v", "w", "f", "actuators")}
         return replace(self, t=t, p=p, q=q, bias=bias, **others)
 
+    def places(self, t: Ints) -> Floats:
+        """(n, 3) the positions alone at other stamps."""
+        rows = self.rows_at(t) if t.size else slice(0, 0)
+        return self.at(t).p if rows is None else self.p[rows]
+
     def rows_at(self, t: Ints) -> Ints | slice | None:
         """The rows with just these stamps, as a slice if they are evenly spaced; None if some lie between rows."""
         spacing = max(int(self.t[1] - self.t[0]), 1) if len(self) > 1 else 1

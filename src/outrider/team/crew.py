@@ -70,6 +70,7 @@ class Crew:
         self.method, self._start, self._datum, self.members, self.ears = method, start, datum, members, ears
         self.names = [m.name for m in members]
         self._ears = {name: [e for e in ears[name] if _heard(method, e)] for name in self.names}
+        self._listeners = {name: _by_stream(own) for name, own in self._ears.items()}
         self._waiting: dict[str, list[Batch]] = {name: [] for name in self.names}
         self._until = dict.fromkeys(self.names, 0.0)
         self._number: dict[tuple[str, int], int] = {}
@@ -114,10 +115,10 @@ class Crew:
 
     def take(self, robot: str, t: int, news: Sequence[Stream]) -> None:
         """What a robot has recorded up to t [ns]; once everybody has come that far, all of it is fused."""
+        listeners, waiting = self._listeners[robot], self._waiting[robot]
         for s in news:
-            for k, e in enumerate(self._ears[robot]):
-                if e.stream == s.name and len(s):
-                    self._waiting[robot].append(rows_of(k, e, s, self._start, self._datum))
+            for k, e in listeners.get(s.name, ()) if len(s) else ():
+                waiting.append(rows_of(k, e, s, self._start, self._datum))
         self._until[robot] = (t - self._start) * 1e-9
         until = min(self._until.values())
         if until > self._filters[0].belief.clock[0]:
@@ -351,3 +352,11 @@ class Crew:
 
 def _heard(method: Method, e: Ear) -> bool:
     return (method.shares or not e.partner) and (e.navigation or method is not Method.NONE)
+
+
+def _by_stream(ears: Sequence[Ear]) -> dict[str, list[tuple[int, Ear]]]:
+    """The ears of one robot, with their numbers, by what they listen to."""
+    out: dict[str, list[tuple[int, Ear]]] = {}
+    for k, e in enumerate(ears):
+        out.setdefault(e.stream, []).append((k, e))
+    return out

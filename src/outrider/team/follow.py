@@ -1,7 +1,7 @@
 """Along a timed path on one's own estimate: no faster than one keeps up, and to a stop where that is asked for."""
 
 from dataclasses import dataclass
-from math import hypot
+from math import hypot, sqrt
 from typing import Final, Protocol, final
 
 import numpy as np
@@ -52,7 +52,7 @@ class Follower:
         """Velocity (3,) in the site frame and turn rate for the next period; towards `to_s` of the path, by default its
         end."""
         goal = self.path.duration if to_s is None else to_s
-        behind = float(np.linalg.norm(self.place() - here.p))
+        behind = _length(self.place() - here.p)
         wanted = _clipped(goal - self.s, -1.0, 1.0) * _clipped(2.0 - behind / SLACK, 0.0, 1.0)
         self.rate += _clipped(wanted - self.rate, -RAMP * period_s, RAMP * period_s)
         self.s = _clipped(self.s + self.rate * period_s, 0.0, self.path.duration)
@@ -71,7 +71,11 @@ def _clipped(x: float, low: float, high: float) -> float:
     return min(max(x, low), high)
 
 
+def _length(v: Floats) -> float:
+    return sqrt(float(v.dot(v)))
+
+
 def within(v: Floats, speed: float) -> Floats:
     """The velocity, no faster than `speed`."""
-    fast = float(np.linalg.norm(v))
+    fast = _length(v)
     return v * (speed / fast) if fast > speed else v

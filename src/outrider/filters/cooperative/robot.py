@@ -122,6 +122,7 @@ class Filter:
         self.work = group.scratch(self.group, np.arange(n), carries)
         self._grows, self._feeds = group.stirred(self.group, self.work)
         self._inner = self.belief, self.work
+        self._inside = np.ix_(self.work.full, self.work.full)
         self.factors: dict[int, Floats] = {}
         self.mixed = False
         self.before = np.zeros((n, n))
@@ -149,13 +150,14 @@ class Filter:
         part = slice(first, last)
         self._alive()
         belief, work = self._inner
-        inside = np.ix_(work.full, work.full)
-        belief.P[...] = self.belief.P[inside]
+        if belief is not self.belief:
+            belief.P[...] = self.belief.P[self._inside]
         self._kept = group.run(
             self.group, belief, work, r.t[part], r.source[part], r.z[part], r.r[part], until, self._kept,
             self.at, self.x, self.P, self.out[part],
         )  # fmt: skip
-        self.belief.P[inside] = belief.P
+        if belief is not self.belief:
+            self.belief.P[self._inside] = belief.P
         self._next = last
 
     def _alive(self) -> None:
@@ -172,6 +174,7 @@ class Filter:
             whole = full.size == on.size
             small = self.belief if whole else self.belief._replace(P=np.zeros((full.size, full.size)))
             self._inner = small, self.work if whole else group.scratch(self.group, full, False)
+            self._inside = np.ix_(full, full)
 
     def sample(self, at: Floats) -> None:
         """From now on keep the estimates at the times `at` (k,) s as rows of x and P."""

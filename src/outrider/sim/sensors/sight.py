@@ -142,14 +142,14 @@ class RobotCamera:
             rows: list[Floats] = []
             keep: list[Bools] = []
             for name in sorted(others):
-                there = others[name].at(here.t)
                 draws = white(rng, len(here), 6, 1.0)
-                apart = there.p - eye
+                apart = others[name].places(here.t) - eye
                 if not self._perhaps(rotate(here.q, axis), apart).any():
                     continue
+                there = others[name].at(here.t)
                 if back is None:
                     back = quats_conjugate(quats_multiply(here.q, np.tile(self.mount, (len(here), 1))))
-                p = rotate(back, apart)
+                p = rotate(back, there.p - eye)
                 distance = np.linalg.norm(p, axis=1)
                 seen = (distance < self.reach) & (p[:, 0] > np.cos(self.half_angle) * distance)
                 if seen.any():

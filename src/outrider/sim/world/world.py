@@ -107,4 +107,5 @@ class World:
 
 
 def _times(t_s: ArrayLike, n: int) -> Floats:
-    return np.ascontiguousarray(np.broadcast_to(np.asarray(t_s, np.float64), (n,)))
+    times = np.asarray(t_s, np.float64)
+    return np.ascontiguousarray(times if times.shape == (n,) else np.broadcast_to(times, (n,)))
