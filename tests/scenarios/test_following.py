@@ -17,7 +17,7 @@ from outrider.scenarios.leading import BEHAVIOURS
 from outrider.scenarios.registry import find_scenario
 from outrider.sim.engine import Ending, Simulation
 from outrider.sim.truth import EPOCH
-from outrider.team.pursuer import Pursuer
+from outrider.team.pursuer import WARY, Pursuer
 
 R_D = 3.0
 
@@ -155,6 +155,25 @@ def test_blocked_fixes_are_named_and_survived() -> None:
     told = [(n.t - EPOCH) * 1e-9 for n in done.notes if Signal.BLOCKED.value in n.text]
     assert len(told) == 1 and 9.0 < told[0] < 11.0
     assert distance.min() > R_D
+
+
+@pytest.mark.compiled
+def test_a_target_that_may_turn_back_is_believed_when_it_does() -> None:
+    """At the hairpin, whose 180 degrees are declared, no fix of it is an outlier and nobody is lost."""
+    _, _, agent, _ = run("swarm2023-blocked")
+    assert agent.bearings.outcomes["target", Outcome.GATED] == 0
+    assert {stage for stage, _ in agent.counts} == {Stage.RENDEZVOUS}
+
+
+@pytest.mark.compiled
+def test_a_reversal_that_nobody_declared_is_noticed_before_it_is_believed() -> None:
+    """1 Hz and 0.4 s late, so that three fixes that agree would take three seconds: 1.5 m is never undercut."""
+    given = {"target": "reverse", "gnss_hz": 1.0, "latency_s": 0.3, "zone": 10.0, "duration_s": 25.0}
+    undeclared = {"team.follower.mission.approach": 0.0, "team.follower.mission.target_turn_deg": 90.0}
+    _, done, agent, distance = run("follow-leader", seed=0, **given, **undeclared)
+    assert agent.bearings.outcomes["target", Outcome.GATED] > 0
+    assert any(WARY in n.text for n in done.notes)
+    assert distance.min() > 1.5
 
 
 @pytest.mark.compiled

@@ -13,7 +13,10 @@ from outrider.scenarios.files import load_scenario
 from outrider.scenarios.followed import apart
 from outrider.scenarios.runs import Done, run_scenario
 
-HOMECOMING = {"target": "reverse", "team.follower.mission.approach": 0.0, "duration_s": 20.0}
+HOMECOMING = {
+    "target": "reverse", "team.follower.mission.approach": 0.0, "team.follower.mission.target_turn_deg": 90.0,
+    "gnss_hz": 1.0, "latency_s": 0.3, "zone": 10.0, "duration_s": 20.0,
+}  # fmt: skip
 
 
 @cache

@@ -16,10 +16,10 @@ from outrider.filters.following import FollowerFilter, Following, Outcome
 from outrider.guidance.rendezvous import Stage, Why, Zones
 from outrider.models.motion.following import FollowerModel
 from outrider.safety.admissible import Fixes, admissible
-from outrider.safety.separation import Separation
+from outrider.safety.separation import Hold, Separation
 from outrider.team.bearings import Bearings, Clocks
 from outrider.team.leader import ASK_TIME, TELL_TIME, Leader, Legs, Spoof, TargetFix, Way, stamp, stamped
-from outrider.team.pursuer import Adaptive, Fixed, Law, Pursuer, Style
+from outrider.team.pursuer import WARY, Adaptive, Fixed, Law, Pursuer, Style
 from outrider.team.trail import Aim, Trail
 
 DATUM = Datum(lat=0.8, lon=0.1, alt=200.0)
@@ -136,6 +136,65 @@ def pursuer(law: Law = Law.VECTOR, separation: Separation | None = None) -> Purs
 def heard(p: list[float], t: int) -> Message:
     """A fix of the target."""
     return TargetFix(t=t, p=np.array(p), sigma=np.full(3, 0.1)).message("a", t)
+
+
+def passing(*last: TargetFix) -> Bearings:
+    """Who hovers at the origin, 10 m up, and has heard three seconds of a target that flies east at 2 m/s, at 5 Hz, and
+    then `last`."""
+    own, target = FollowerFilter(FollowerModel()), FollowerFilter(FollowerModel.target(), Following(fastest=4.0))
+    b = Bearings(leader="a", own=own, target=target, datum=DATUM, start=T0)
+    for k in range(16):
+        own.add_fix(0.2 * k, np.array([0.0, 0.0, 10.0]), np.full(3, 0.1**2))
+        own.add_velocity(0.2 * k, np.zeros(3), np.full(3, 0.05**2))
+        b.hear(T0 + k * STEP, [told(k, 0.4 * k, 2.0).message("a", T0 + k * STEP)])
+    for said in last:
+        b.hear(said.t, [said.message("a", said.t)])
+    return b
+
+
+STEP = 200_000_000
+
+
+def told(k: int, east: float, v: float) -> TargetFix:
+    """The fix at step k, `east` m out; without a velocity where that is not a number."""
+    return TargetFix(
+        t=T0 + k * STEP, p=np.array([east, 0.0, 10.0]), sigma=np.full(3, 0.1), v=np.array([v, 0.0, 0.0]) if v == v
+        else np.full(3, nan), v_sigma=np.full(3, 0.05 if v == v else np.inf),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("last", "v"), [(told(16, 6.2, -2.0), -2.0), (told(16, 4.8, -2.0), -2.0), (told(16, 4.8, nan), -6.0)]
+)
+def test_what_does_not_fit_is_doubted_as_it_was_told(last: TargetFix, v: float) -> None:
+    """A velocity, a position with it, and a position alone, whose velocity is the mean one since the fix before."""
+    doubt = passing(last).doubt(T0 + 17 * STEP)
+    assert doubt is not None and doubt.p[0] == last.p[0]
+    assert doubt.v[0] == pytest.approx(v, abs=0.3) and doubt.age == pytest.approx(0.2)
+
+
+def test_nothing_is_doubted_that_fits_or_that_nobody_can_have_flown_or_that_is_old() -> None:
+    assert passing().doubt(T0 + 16 * STEP) is None
+    assert passing(told(16, 6.4, 2.0)).doubt(T0 + 17 * STEP) is None
+    assert passing(told(16, 60.0, 2.0)).doubt(T0 + 17 * STEP) is None
+    assert passing(told(16, 4.8, -2.0), told(17, 6.8, 2.0)).doubt(T0 + 17 * STEP) is None
+    assert passing(told(16, 4.8, -2.0)).doubt(T0 + 40 * STEP) is None
+
+
+def test_a_doubted_target_is_kept_clear_of_and_not_followed() -> None:
+    """From 5 m behind it goes on, but not if the target has turned round by what did not fit."""
+
+    def after(b: Bearings) -> tuple[float, str, Hold]:
+        agent = pursuer(Law.VECTOR, Separation(distance=3.0, speed=4.0))
+        agent.bearings = b
+        action = agent.act(T0 + 18 * STEP, [], [])
+        assert action.command is not None
+        return float(action.command[0]), action.note, agent.flown.hold[-1]
+
+    freely, note, hold = after(passing(told(16, 6.4, 2.0)))
+    assert freely > 0.0 and WARY not in note and hold in (Hold.FREE, Hold.LIMITED)
+    warily, note, hold = after(passing(told(16, 4.8, -2.0)))
+    assert warily < 0.0 and WARY in note and hold is Hold.RETREATING
 
 
 def test_before_anything_is_known_it_hovers() -> None:

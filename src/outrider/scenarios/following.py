@@ -31,6 +31,7 @@ from outrider.typing import Floats
 Positive = Annotated[Number, Field(gt=0)]
 NotNegative = Annotated[Number, Field(ge=0)]
 Spell = tuple[NotNegative, Positive]
+SQUARE: Final = 0.5 * pi + 1e-6  # rad
 TARGET: Final = cast("dict[str, Any]", plain_value(FollowerModel.target()))
 WIND_WALK: Final = 0.1  # m/s per sqrt(s)
 BEGINS_S: Final = 0.02  # s that a vehicle takes to begin with a command
@@ -293,10 +294,13 @@ def _fixes(mission: FollowMission, carried: tuple[Any, ...], model: FollowerMode
 
 
 def _target_model(mission: FollowMission) -> FollowerModel:
-    """How the target moves. One that may come back is believed when it does: no fix of it is an outlier for that."""
+    """How the target moves. One that may come back is believed when it does, of its own will (`approach`) or in a turn
+    by more than a right angle, which changes its speed along its course as hard as across: no fix of it is an outlier.
+    """
     model = made_of(FollowerModel, mission.target)
     hard = model.acceleration if model.turn is None else model.turn
-    return replace(model, acceleration=max(model.acceleration, hard)) if mission.approach > 0.0 else model
+    back = mission.approach > 0.0 or mission.target_turn > SQUARE
+    return replace(model, acceleration=max(model.acceleration, hard)) if back else model
 
 
 def _sane(sensor: Any) -> None:

@@ -98,6 +98,7 @@ class Bearings:
     _fixes: deque[tuple[float, Floats]] = field(default_factory=lambda: deque(maxlen=FIXES))
     _there: deque[tuple[float, Floats]] = field(default_factory=lambda: deque(maxlen=FIXES))
     _last: tuple[Belief, Belief] | None = None
+    _doubt: tuple[float, Known] | None = None
     _delays: deque[float] = field(default_factory=lambda: deque(maxlen=LATEST))
 
     def seconds(self, t: int) -> float:
@@ -142,14 +143,39 @@ class Bearings:
         taken, now = self.seconds(fix.t), self.seconds(t)
         out = self.target.add_fix(taken, fix.p, fix.sigma**2, now=now).outcome
         self._count("target", out)
+        turned = False
         if out.good and np.isfinite(fix.v).all():
-            self._count("target velocity", self.target.add_velocity(taken, fix.v, fix.v_sigma**2, now=now).outcome)
+            how = self.target.add_velocity(taken, fix.v, fix.v_sigma**2, now=now).outcome
+            self._count("target velocity", how)
+            turned = how is Outcome.GATED
+        if out.good or out is Outcome.GATED:
+            self._doubt = self._doubted(fix, taken) if turned or not out.good else None
         self.jumps = 0 if out.good else self.jumps + (out in (Outcome.GATED, Outcome.TOO_FAR))
         if out.good:
             self._delays.append(now - taken)
             self._last = self.target.belief(taken), self.target.belief(taken + GROWS_S)
         self._there.append((taken, fix.p))
         return out
+
+    def _doubted(self, fix: TargetFix, taken: float) -> tuple[float, Known] | None:
+        """A fix or velocity that did not fit, as it was told; None where nobody can have flown to. Of a fix without a
+        velocity it is the mean one since the last fix that was believed."""
+        if not self.target.reachable(taken, fix.p, fix.sigma**2):
+            return None
+        v, v_var = fix.v, fix.v_sigma**2
+        if not np.isfinite(v).all():
+            last = self.last[0]
+            since = max(taken - last.t, PAIRED_S)
+            v, v_var = (fix.p - last.p) / since, (fix.sigma**2 + np.diag(last.P)[:3]) / since**2
+        return taken, Known(fix.p, v, np.diag(np.concatenate([fix.sigma**2, v_var])))
+
+    def doubt(self, t: int) -> Known | None:
+        """Where the target was by its newest fix, if that did not fit and may be true all the same: it is not followed,
+        but avoided. None once a fix fits again, and `LATE` after."""
+        if self._doubt is None or self.seconds(t) - self._doubt[0] > LATE:
+            return None
+        taken, known = self._doubt
+        return known._replace(age=max(self.seconds(t) - taken, 0.0))
 
     @property
     def last(self) -> tuple[Belief, Belief]:

@@ -22,7 +22,7 @@ from outrider.guidance.los import line_of_sight, zone_speed
 from outrider.guidance.pursuit import Pursuit, pursued
 from outrider.guidance.rendezvous import Rendezvous, Senses, Signal, Stage, Why, Zones, advance
 from outrider.safety.admissible import EASE, Fixes, adapted, least_set_point
-from outrider.safety.separation import Hold, Separation, kept_apart
+from outrider.safety.separation import HOLDS, Hold, Separation, kept_apart
 from outrider.safety.shortfall import Lack, lacking
 from outrider.team.bearings import Bearings, Known
 from outrider.team.follow import TURN, within
@@ -33,6 +33,7 @@ from outrider.typing import Floats
 SHY: Final = (Stage.WAIT, Stage.HOLD, Stage.HOME)
 CLIMBS: Final = 0.5  # 1/s: rate of climb by what is missing of the height, of laws that are level
 SAID: Final = (Outcome.REACQUIRED, Outcome.TOO_FAR, Outcome.FUTURE)
+WARY: Final = "the target's fix or velocity does not fit what it flew: not followed yet, but kept clear of"
 OUTRUN: Final = 0.9  # share of its speed below which a target that was too fast can be followed again
 
 
@@ -153,6 +154,7 @@ class Pursuer:
     _command: Floats = field(default_factory=lambda: np.zeros(3))
     _due_s: float = -inf
     _unfit: bool = False
+    _wary: bool = False
 
     def act(self, t: int, records: Sequence[Stream], inbox: Sequence[Message]) -> Action:
         """Take and hear, decide, fly, keep apart."""
@@ -161,7 +163,7 @@ class Pursuer:
         heard = b.hear(t, inbox)
         here, there = b.here(t), b.there(t)
         goal = self._goal(there)
-        before = self.mission
+        before, wary = self.mission, self._wary
         self.mission = advance(before, self._senses(t, here, there, goal), self.zones)
         if there is not None:
             self.trail.see(seconds, there.now)
@@ -172,7 +174,7 @@ class Pursuer:
         messages = b.clocks.ask(t, self.name, b.leader)
         return Action(
             command=np.array([*self._command, self._turn(records)]), messages=messages, records=self._records(t),
-            done=self.mission.stage is Stage.HOME, note=self._note(before, heard),
+            done=self.mission.stage is Stage.HOME, note=self._note(before, heard, wary),
         )  # fmt: skip
 
     def _goal(self, there: Known | None) -> float:
@@ -196,7 +198,7 @@ class Pursuer:
 
     def _fly(self, t: int, here: Known | None, there: Known | None, goal: float) -> None:
         """The command that is due, and what is kept of it."""
-        hold = Hold.UNKNOWN
+        hold, self._wary = Hold.UNKNOWN, False
         if here is None:
             self._command = np.zeros(3)
             return
@@ -208,12 +210,7 @@ class Pursuer:
             self._command, hold = want, Hold.FREE
         else:
             acts = self.bearings.here(t, self.style.latency_s) or here
-            lost = self.bearings.heard_s(t) > self.zones.lost_s
-            x, spread = self._track(t).nearest(acts.p) if lost else (there.x, there.P)
-            age = 0.0 if lost else there.age
-            kept, hold = kept_apart(want, acts.x, x, self.separation, P=acts.P + spread, age_s=age)
-            if hold is Hold.CANNOT_HOLD:
-                self.flown.lack[lacking(acts.x, x, self.separation, acts.P + spread, age)] += 1
+            kept, hold = self._kept(t, want, acts, there, self.separation)
             kept[2] = max(kept[2], CLIMBS * (min(self.style.floor, self.home[2]) - acts.p[2]))
             self._command = kept - self.bearings.wind(t)  # told so, it flies as it should
         self._command[2] = min(max(self._command[2], -self.style.sink), self.style.climb)
@@ -223,6 +220,22 @@ class Pursuer:
         f.set_point.append(goal)
         f.stage.append(self.mission.stage)
         f.hold.append(hold)
+
+    def _kept(self, t: int, want: Floats, acts: Known, there: Known, keeps: Separation) -> tuple[Floats, Hold]:
+        """The safe command (3,): clear of the target as it is believed, and as a fix that does not fit tells it."""
+        lost = self.bearings.heard_s(t) > self.zones.lost_s
+        threats = [(*self._track(t).nearest(acts.p), 0.0) if lost else (there.x, there.P, there.age)]
+        if (doubt := self.bearings.doubt(t)) is not None:
+            threats.append((doubt.x, doubt.P, doubt.age))
+        kept, hold, lack = want, Hold.FREE, None
+        for k, (x, P, age) in enumerate(threats):
+            kept, done = kept_apart(kept, acts.x, x, keeps, P=acts.P + P, age_s=age)
+            lack = lacking(acts.x, x, keeps, acts.P + P, age) if done is Hold.CANNOT_HOLD else lack
+            self._wary = k > 0 and done is not Hold.FREE
+            hold = max(hold, done, key=HOLDS.index)
+        if lack is not None:
+            self.flown.lack[lack] += 1
+        return kept, hold
 
     def _wanted(self, t: int, here: Known, there: Known | None, goal: float) -> Floats:
         """(3,) m/s that its stage asks for."""
@@ -276,7 +289,7 @@ class Pursuer:
         z = np.concatenate([b.p, q, b.v])[None]
         return (stream("estimate", Kind.ESTIMATE, np.array([t]), z, robot=self.name, frame="base_link"),)
 
-    def _note(self, before: Rendezvous, heard: Sequence[Outcome]) -> str:
+    def _note(self, before: Rendezvous, heard: Sequence[Outcome], wary: bool) -> str:
         """What changed, in sentences."""
         m, said = self.mission, list[str]()
         if m.stage is not before.stage or m.why is not before.why:
@@ -286,4 +299,6 @@ class Pursuer:
             self.blocked += m.signal is Signal.BLOCKED
             said.append(m.signal.value)
         said += [f"the target's fix: {o.value}" for o in heard if o in SAID]
+        if self._wary and not wary:
+            said.append(WARY)
         return "; ".join(said)

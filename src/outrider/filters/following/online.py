@@ -228,6 +228,12 @@ class FollowerFilter:
         w = s.x[6:9].copy() if s.x.size == 9 else np.zeros(3)
         return Belief(t, s.x[:3].copy(), s.x[3:6].copy(), w, s.P, s.fix_t)
 
+    def reachable(self, t: float, z: Floats, r: Floats) -> bool:
+        """Whether anybody can have flown to a fix z (3,), variances r (3,), taken at t, since the last one before it
+        that was believed; before the first fix: anywhere."""
+        k = bisect_right(self._states, t, key=lambda s: s.t) - 1
+        return k < 0 or not self._beyond(self._states[k], _Event(t, _POSITION, z, r))
+
     def _refused(self, t: float, z: Floats, r: Floats, now: float | None) -> Outcome | None:
         r = np.asarray(r, float)
         seen = np.isfinite(r)
