@@ -1,14 +1,23 @@
 """How close: exact cases, what it depends on, and what is refused with which remedy."""
 
 from dataclasses import replace
-from math import inf
+from math import inf, pi
 
 import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
 from outrider.errors import ConfigError
-from outrider.safety.admissible import EASE, Fixes, adapted, admissible, least_distance, least_set_point
+from outrider.safety.admissible import (
+    EASE,
+    Fixes,
+    adapted,
+    admissible,
+    least_distance,
+    least_set_point,
+    nearest_coming_back,
+    promise,
+)
 from outrider.safety.separation import Separation
 
 LIKE = Separation(distance=3.0, lag_s=1.0, acceleration=5.0, speed=2.5, other_lag_s=1.0)
@@ -119,3 +128,24 @@ def test_fixes_of_impossible_numbers_are_refused(name: str) -> None:
             Fixes(**{name: value})
     with pytest.raises(ConfigError, match="latency_s"):
         Fixes(latency_s=-0.1)
+
+
+def test_how_near_a_target_comes_that_turns_back_is_what_the_set_point_is_short_of() -> None:
+    fixes = Fixes(rate_hz=5.0, latency_s=0.1)
+    declared = replace(LIKE, approach=1.5)
+    needs = admissible(declared, fixes, 1.5).least
+    assert nearest_coming_back(declared, fixes, 1.5, needs) == pytest.approx(3.0, abs=0.01)
+    assert nearest_coming_back(LIKE, fixes, 1.5, needs) == pytest.approx(3.0, abs=0.01)
+    assert nearest_coming_back(LIKE, fixes, 1.5, needs - 1.2) == pytest.approx(1.8, abs=0.01)
+    assert nearest_coming_back(LIKE, fixes, 2.5, 50.0) == -inf
+
+
+def test_a_promise_says_what_it_does_not_cover() -> None:
+    fixes = Fixes(rate_hz=5.0, latency_s=0.1)
+    at = admissible(LIKE, fixes, 2.0).set_point
+    said = promise(LIKE, fixes, 2.0, at)
+    assert f"may get within {nearest_coming_back(LIKE, fixes, 2.0, at):.2g} m at worst ('approach: 2'" in said
+    assert "may meet it" in promise(LIKE, Fixes(rate_hz=1.0, latency_s=0.3), 2.0, 5.49)
+    back = replace(LIKE, approach=2.0, turn=pi)
+    whole = promise(back, fixes, 2.0, admissible(back, fixes, 2.0).set_point)
+    assert "undeclared" not in whole and whole.endswith("turns by up to 180 degrees, or comes back at up to 2 m/s")

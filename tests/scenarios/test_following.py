@@ -10,14 +10,15 @@ import pytest
 from outrider.errors import ConfigError
 from outrider.filters.following import Outcome
 from outrider.guidance.rendezvous import Signal, Stage, Why
+from outrider.safety.admissible import nearest_coming_back
 from outrider.scenarios.build import Cast, build
 from outrider.scenarios.files import load_scenario, parse_scenario
-from outrider.scenarios.followed import pursuers, pursuit, strayed
+from outrider.scenarios.followed import promises, pursuers, pursuit, strayed
 from outrider.scenarios.leading import BEHAVIOURS
 from outrider.scenarios.registry import find_scenario
 from outrider.sim.engine import Ending, Simulation
 from outrider.sim.truth import EPOCH
-from outrider.team.pursuer import WARY, Pursuer
+from outrider.team.pursuer import WARY, Adaptive, Pursuer
 
 R_D = 3.0
 
@@ -163,6 +164,19 @@ def test_a_target_that_may_turn_back_is_believed_when_it_does() -> None:
     _, _, agent, _ = run("swarm2023-blocked")
     assert agent.bearings.outcomes["target", Outcome.GATED] == 0
     assert {stage for stage, _ in agent.counts} == {Stage.RENDEZVOUS}
+
+
+@pytest.mark.compiled
+def test_what_is_told_beforehand_of_a_reversal_that_nobody_declared_is_so() -> None:
+    undeclared = {"team.follower.mission.approach": 0.0, "team.follower.mission.target_turn_deg": 90.0}
+    cast, done, agent, distance = run("follow-leader", target="reverse", duration_s=20.0, **undeclared)
+    (said,) = promises(cast)
+    assert done.notes[0].text == agent.promise and said == f"follower: {agent.promise}"
+    assert isinstance(agent.set_point, Adaptive) and agent.separation is not None
+    chosen = float(said.split("at ")[1].split(" m,")[0])
+    worst = nearest_coming_back(agent.separation, agent.set_point.fixes, 2.0, chosen)
+    assert f"may get within {worst:.2g} m at worst" in said
+    assert 1.0 < worst < distance.min() < R_D
 
 
 @pytest.mark.compiled

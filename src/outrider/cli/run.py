@@ -72,11 +72,13 @@ def run_command(
     scenario, where = load_scenario(name, given)
     folder = output or Path(f"{scenario.name}-run")
     with Progress(quiet=quiet) as progress:
+        from outrider.scenarios.followed import promises
         from outrider.scenarios.runs import ensure_free, rehearse, run_scenario
 
         if dry_run:
             progress("simulating", 0.0)
-            rehearse(scenario, where)
+            for line in promises(rehearse(scenario, where)):
+                progress.say(line)
             if json:
                 return print_json(resolved(scenario), ExitCode.OK)
             sys.stdout.write(scenario_text(scenario))
@@ -92,6 +94,7 @@ def run_command(
             film=film or 0.0,
             command=typed(),
             progress=progress,
+            say=progress.say,
         )
     if json:
         return print_json({**summary, "folder": str(folder)}, done.exit_code)

@@ -6,7 +6,7 @@ what the target can do it follows before anything flies; the same function adapt
 """
 
 from dataclasses import dataclass, replace
-from math import exp, inf, isfinite, nan, sqrt
+from math import degrees, exp, inf, isfinite, nan, sqrt
 from typing import Final, final
 
 from outrider._kernel import kernel
@@ -167,6 +167,31 @@ def least_distance(separation: Separation, fixes: Fixes, target_speed: float, co
     return least_set_point(
         target_speed, fixes.oldest_s, *fixes.spread(separation.lag_s), replace(separation, distance=contact).theta()
     )  # fmt: skip
+
+
+def nearest_coming_back(separation: Separation, fixes: Fixes, target_speed: float, set_point: float) -> float:
+    """How near [m] a target comes at worst that turns back at `target_speed` [m/s] right after a fix: R_d less what the
+    set-point is short of one that holds for that too; -inf where the follower is too slow to get away."""
+    if target_speed >= separation.speed:
+        return -inf
+    back = replace(separation, approach=max(separation.approach, target_speed))
+    needs = least_set_point(target_speed, fixes.oldest_s, *fixes.spread(back.lag_s), back.theta())
+    return separation.distance + set_point - needs
+
+
+def promise(separation: Separation, fixes: Fixes, target_speed: float, set_point: float) -> str:
+    """What a set-point [m] holds R_d against, and how near a target may come that does more than was declared."""
+    x, v = separation, target_speed
+    told = f"at {set_point:.2f} m, R_d {x.distance:g} m holds behind a target of up to {v:g} m/s"
+    told += f" that stops, climbs or turns by up to {degrees(x.turn):.0f} degrees"
+    told += f", or comes back at up to {x.approach:g} m/s" if x.approach > 0.0 else ""
+    near = nearest_coming_back(x, fixes, v, set_point)
+    if near >= x.distance - EASE:
+        return told
+    within = f"may get within {near:.2g} m" if near > 0.0 else "may meet it"
+    needs = x.distance + set_point - near
+    mends = f"'approach: {v:g}' holds R_d then too, at {needs:.2f} m" if isfinite(needs) else "no distance holds then"
+    return f"{told}; one that comes back undeclared {within} at worst ({mends})"
 
 
 def _too_near(x: Separation, f: Fixes, speed: float, least: float, chosen: float, most: float) -> str:

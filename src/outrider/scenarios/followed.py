@@ -85,6 +85,11 @@ def strayed(cast: Cast) -> list[str]:
     return [f"{n} at the end: {m.stage.value} ({m.why.value})" for n, m in missions.items() if m.stage not in FOLLOWING]
 
 
+def promises(cast: Cast) -> list[str]:
+    """What every follower's distance holds against, before anything flies."""
+    return [f"{name}: {agent.promise}" for name, agent in pursuers(cast).items() if agent.promise]
+
+
 def pursuit(cast: Cast, run: Simulation) -> dict[str, Any] | None:
     """Of every follower; None without any. SI units."""
     return {name: _one(run, name, agent) for name, agent in pursuers(cast).items()} or None
@@ -104,7 +109,8 @@ def _one(run: Simulation, name: str, agent: Pursuer) -> dict[str, Any]:
     used = {f"{who}: {o.name.lower()}": n for (who, o), n in sorted(agent.bearings.outcomes.items(), key=str)}
     held = {h: f.hold.count(h) for h in dict.fromkeys(f.hold)}
     return {
-        "leader": agent.bearings.leader, "danger_m": R_d, "zone_m": agent.zones.zone, "set_point_m": goal,
+        "leader": agent.bearings.leader, "promise": agent.promise,
+        "danger_m": R_d, "zone_m": agent.zones.zone, "set_point_m": goal,
         "least_m": float(d.min()), "least_at_s": float(s[d.argmin()]),
         "least_between_hulls_m": None if hulls is None else float(hulls.distance),
         "broke_danger": bool((d < R_d).any()), "inside_s": float(np.diff(s, prepend=s[0])[d < R_d].sum()),

@@ -15,7 +15,7 @@ from outrider.guidance.rendezvous import Zones
 from outrider.io.checked import Flag, Whole, remedy
 from outrider.models.motion.following import FollowerModel
 from outrider.models.vehicles import AIR_INPUTS, Multirotor, Rotorcraft, Vehicle
-from outrider.safety.admissible import Fixes, admissible
+from outrider.safety.admissible import Fixes, admissible, promise
 from outrider.safety.separation import Separation
 from outrider.scenarios.navigation import Put, navigator
 from outrider.scenarios.sections import Number, Part, inner_section, made_of, plain_value
@@ -34,6 +34,7 @@ Spell = tuple[NotNegative, Positive]
 SQUARE: Final = 0.5 * pi + 1e-6  # rad
 TARGET: Final = cast("dict[str, Any]", plain_value(FollowerModel.target()))
 WIND_WALK: Final = 0.1  # m/s per sqrt(s)
+UNGUARDED: Final = "nothing keeps R_d: it flies without a safety filter"
 BEGINS_S: Final = 0.02  # s that a vehicle takes to begin with a command
 FALL: Final = 0.2  # m/s by which the set-point comes nearer
 KNOTS_S: Final = 0.2  # s between the knots of the spline that carries a leader
@@ -227,7 +228,8 @@ def pursuer(
         other_lag_s=mission.target_lag_s, turn=mission.target_turn, approach=mission.approach,
     )  # fmt: skip
     fixes = _fixes(mission, carried, model)
-    set_point = _set_point(mission, separation, zones, fixes, lead)
+    speed = 0.8 * mission.speed if lead is None else lead.fastest
+    set_point = _set_point(mission, separation, zones, fixes, speed)
     if fixes.oldest_s >= zones.silent_s:
         what = f"who is not heard for {zones.silent_s:g} s is silent, but fixes get {fixes.oldest_s:.3g} s old"
         fix = f"silent_s above {fixes.oldest_s:.3g}, lost_s above that, or less delay"
@@ -237,6 +239,7 @@ def pursuer(
         set_point=set_point,
         trail=Trail(degree=mission.degree, aim_at=Aim[mission.aim.upper()]), home=np.array(put[:3]),
         period_s=mission.period_s,
+        promise=promise(separation, fixes, speed, set_point.now) if isinstance(set_point, Adaptive) else UNGUARDED,
     )  # fmt: skip
 
 
@@ -263,13 +266,10 @@ def _bearings(
     )  # fmt: skip
 
 
-def _set_point(
-    mission: FollowMission, separation: Separation, zones: Zones, fixes: Fixes, lead: LeadMission | None
-) -> SetPoint:
+def _set_point(mission: FollowMission, separation: Separation, zones: Zones, fixes: Fixes, speed: float) -> SetPoint:
     """How far away it stays; ConfigError where that cannot hold R_d, or lies outside the rendezvous zone."""
     if not mission.safety:
         return Fixed(m=mission.distance or zones.danger)
-    speed = 0.8 * mission.speed if lead is None else lead.fastest
     answer = admissible(separation, fixes, speed, set_point=mission.distance)
     if answer.set_point + zones.band > zones.zone:
         what = f"it must stay {answer.set_point:.2f} m away, outside of a rendezvous zone of {zones.zone:g} m"

@@ -21,7 +21,7 @@ from outrider.models.vehicles import Vehicle
 from outrider.scenarios.booked import mission, unserved
 from outrider.scenarios.build import Cast, build
 from outrider.scenarios.files import scenario_text
-from outrider.scenarios.followed import Breach, breaches, pursuit, pursuit_figures, strayed, write_pictures
+from outrider.scenarios.followed import Breach, breaches, promises, pursuit, pursuit_figures, strayed, write_pictures
 from outrider.scenarios.inspected import inspection, write_picture
 from outrider.scenarios.parts import Scenario
 from outrider.scenarios.sharing import sharing
@@ -103,15 +103,19 @@ def run_scenario(
     film: float = 0.0,
     command: str = "",
     progress: Progress | None = None,
+    say: Callable[[str], None] | None = None,
 ) -> tuple[Done, dict[str, Any]]:
     """Run a scenario and write its folder, complete or not at all; what was done, and its summary.
 
-    film : pictures per simulated second, 0 for none.
+    film : pictures per simulated second, 0 for none;  say : hears what is to be known before it begins.
 
     Raises ConfigError for what cannot be, OutputExistsError if there is something at `output`.
     """
     ensure_free(output, force=force)
     cast = build(scenario, where)
+    if say is not None:
+        for line in promises(cast):
+            say(line)
     tell = progress or _silent
     tell("simulating", 0.0)
     with compiling() as compiled:

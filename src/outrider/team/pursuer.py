@@ -136,7 +136,8 @@ class Flown:
 @final
 @dataclass(slots=True, kw_only=True)
 class Pursuer:
-    """An `Agent`. separation : None for no safety filter, as in swarm2023;  home : (3,) m, where it started."""
+    """An `Agent`. separation : None for no safety filter, as in swarm2023;  home : (3,) m, where it started;  promise :
+    what its set-point holds against, which is its first note."""
 
     name: str
     bearings: Bearings
@@ -147,6 +148,7 @@ class Pursuer:
     trail: Trail
     home: Floats
     period_s: float = 0.1
+    promise: str = ""
     mission: Rendezvous = field(default_factory=Rendezvous)
     counts: Counter[tuple[Stage, Why]] = field(default_factory=lambda: Counter[tuple[Stage, Why]]())
     blocked: int = 0
@@ -155,6 +157,7 @@ class Pursuer:
     _due_s: float = -inf
     _unfit: bool = False
     _wary: bool = False
+    _promised: bool = False
 
     def act(self, t: int, records: Sequence[Stream], inbox: Sequence[Message]) -> Action:
         """Take and hear, decide, fly, keep apart."""
@@ -291,7 +294,8 @@ class Pursuer:
 
     def _note(self, before: Rendezvous, heard: Sequence[Outcome], wary: bool) -> str:
         """What changed, in sentences."""
-        m, said = self.mission, list[str]()
+        m, said = self.mission, [self.promise] if self.promise and not self._promised else []
+        self._promised = True
         if m.stage is not before.stage or m.why is not before.why:
             self.counts[m.stage, m.why] += 1
             said.append(f"{m.stage.value}: {m.why.value}")
