@@ -230,7 +230,7 @@ app.command("map", short_help=maps.ABOUT)(maps.map_command)
 
 @app.command(short_help="Show the tables of the papers beside ours.")
 def papers(
-    name: Annotated[str | None, typer.Argument(metavar="[NAME]", help="Which paper; all if there is none.")] = None,
+    name: Annotated[str | None, typer.Argument(metavar="NAME", help="Which paper; all if there is none.")] = None,
     names: Annotated[bool, typer.Option("--list", help="Say which papers there are.")] = False,
     form: Annotated[
         str, typer.Option("--format", metavar="FORMAT", help="What to print on stdout: text, html or json.")

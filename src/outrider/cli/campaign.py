@@ -29,11 +29,11 @@ def campaign_command(
     ],
     folder: Annotated[
         Path | None,
-        typer.Argument(metavar="[DIR]", parser=parse.file("DIR"), help="Of `report` and `replay`: the campaign."),
+        typer.Argument(metavar="DIR", parser=parse.file("DIR"), help="Of `report` and `replay`: the campaign."),
     ] = None,
     trial: Annotated[
         int | None,
-        typer.Argument(metavar="[TRIAL]", parser=parse.whole("TRIAL"), help="Of `replay`: its number, from 0."),
+        typer.Argument(metavar="TRIAL", parser=parse.whole("TRIAL"), help="Of `replay`: its number, from 0."),
     ] = None,
     runs: Annotated[
         int | None,

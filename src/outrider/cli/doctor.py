@@ -20,7 +20,7 @@ ABOUT = "Say what is wrong with a recording, and write a configuration that mend
 def doctor_command(
     log: Annotated[
         Path | None,
-        typer.Argument(metavar="[LOG]", parser=parse.file("LOG"), help="A recording, as of `outrider fuse`."),
+        typer.Argument(metavar="LOG", parser=parse.file("LOG"), help="A recording, as of `outrider fuse`."),
     ] = None,
     itself: Annotated[bool, typer.Option("--self", help="Instead of a recording, look at this installation.")] = False,
     config: ConfigFile = None,

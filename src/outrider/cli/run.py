@@ -17,7 +17,7 @@ ABOUT = "Simulate a scenario: robots, sensors, radio and the world around them."
 
 def run_command(
     name: Annotated[
-        str | None, typer.Argument(metavar="[FILE|NAME]", help="A scenario file (.yaml), or the name of one of ours.")
+        str | None, typer.Argument(metavar="FILE|NAME", help="A scenario file (.yaml), or the name of one of ours.")
     ] = None,
     names: Annotated[bool, typer.Option("--list", help="Say which scenarios there are.")] = False,
     settings: Annotated[
