@@ -161,8 +161,10 @@ def test_blocked_fixes_are_named_and_survived() -> None:
 @pytest.mark.compiled
 def test_a_target_that_may_turn_back_is_believed_when_it_does() -> None:
     """At the hairpin, whose 180 degrees are declared, no fix of it is an outlier and nobody is lost."""
-    _, _, agent, _ = run("swarm2023-blocked")
+    cast, done, agent, distance = run("swarm2023-blocked")
     assert agent.bearings.outcomes["target", Outcome.GATED] == 0
+    told = (pursuit(cast, done) or {})["follower"]  # which begins 3 m behind, nearer than its set-point
+    assert distance[0] < 4.0 and told["held_after_s"] > 2.0
     assert {stage for stage, _ in agent.counts} == {Stage.RENDEZVOUS}
 
 

@@ -19,7 +19,7 @@ class Stage(Enum):
     LOCALISE = "outside the rendezvous zone: it comes up with the target"
     RENDEZVOUS = "in the rendezvous zone: it goes to its distance and holds it"
     DANGER = "in the danger zone: it gives way"
-    PREDICT = "the target is silent: it slows down and keeps clear of wherever the target may be"
+    PREDICT = "without a fix of the target to go by: it slows down and keeps clear of wherever the target may be"
     SEARCH = "the target is lost: it looks for it from above, along the way that it may have flown"
     HOLD = "it hovers"
     RETURN = "it returns to where it started"

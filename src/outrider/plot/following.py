@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 from outrider.plot.style import FUSED, GRID, MUTED, PAPER, REJECTED, SOURCES, styled
 from outrider.typing import Floats
 
-TARGET, OWN, KNOWN, FIXES = SOURCES[1], FUSED, SOURCES[0], SOURCES[6]
+TARGET, OWN, KNOWN, FIXES = FUSED, SOURCES[0], SOURCES[1], SOURCES[6]  # the hues of a report's first two robots
 MOMENTS: Final = 6  # at which the danger zone is drawn
 
 

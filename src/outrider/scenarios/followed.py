@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from outrider.plot.following import Pursuit
 
 SHOWN_S: Final = 0.1  # s between what is measured and drawn
-HELD: Final = 1.25  # m more than the set-point within which it counts as held
+HELD: Final = 1.25  # m off the set-point within which it counts as held
 FOLLOWING: Final = (Stage.LOCALISE, Stage.RENDEZVOUS, Stage.DANGER)  # the target is heard; else it is lost, or at home
 
 
@@ -102,7 +102,7 @@ def _one(run: Simulation, name: str, agent: Pursuer) -> dict[str, Any]:
     shown = np.interp(seconds, s, d)
     f, R_d = agent.flown, agent.zones.danger
     goal = f.set_point[-1] if f.set_point else float("nan")
-    near = np.flatnonzero(shown <= goal + HELD)
+    near = np.flatnonzero(np.abs(shown - _wanted(agent, t)) <= HELD)
     hulls = run.monitor.separations.get((min(name, agent.bearings.leader), max(name, agent.bearings.leader)))
     since = seconds >= (seconds[near[0]] if near.size else np.inf)
     following = since & follows(agent, t)
@@ -131,6 +131,14 @@ def _one(run: Simulation, name: str, agent: Pursuer) -> dict[str, Any]:
             for h, n in held.items()
         ],
     }  # fmt: skip
+
+
+def _wanted(agent: Pursuer, t: Ints) -> Floats:
+    """(n,) m, its set-point at some times [ns], NaN while it has none."""
+    if not agent.flown.t:
+        return np.full(len(t), np.nan)
+    rows = np.searchsorted(np.array(agent.flown.t, np.int64), t, side="right") - 1
+    return np.where(rows < 0, np.nan, np.array(agent.flown.set_point)[rows])
 
 
 def stages_at(agent: Pursuer, t: Ints) -> list[Stage]:

@@ -40,7 +40,7 @@ class Follow:
 
 @scenario("follow-leader", tags=("air", "follow"))
 def follow_leader(cfg: Follow) -> Description:
-    """A drone comes up with another, holds its distance, and copes with what the other does: `--set target=...`."""
+    """A drone comes up with another, holds its distance, and copes with what the other does (`target`)."""
     gnss = {
         "type": "gnss", "rate_hz": cfg.gnss_hz, "sigma": 0.15, "sigma_up": 0.25, "latency_s": cfg.latency_s,
     }  # fmt: skip

@@ -72,7 +72,7 @@ def localisation(cfg: Localisation) -> Description:
 
 @scenario("swarm2023-blocked", tags=("paper", "air", "follow"))
 def blocked(cfg: Localisation) -> Description:
-    """The same, and the follower's receiver is blocked for four seconds at the corner."""
+    """As swarm2023-localisation, but the follower's receiver is blocked for four seconds at the corner."""
     return _localisation(cfg, [{"type": "faulty", "sensor": "gnss", "start_s": OUTAGE_S[0], "end_s": OUTAGE_S[1]}])
 
 
