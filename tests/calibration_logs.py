@@ -149,6 +149,24 @@ def rolling(seed: int, duration_s: float) -> Truth:
     return drift(truth, generator(seed, "robot", "drift"), Drift(wheels_start=0.0))
 
 
+def wandering(seed: int, duration_s: float = 150.0, smooth: float = 1.8, tau: float = 7.0) -> tuple[EventLog, True_]:
+    """A rover whose receiver states 1 m, scatters by 0.05 m and wanders: by `smooth` [m] smoothly (Matern 3/2) within
+    `tau` [s], and beside it by 0.5 m within 30 s (Gauss-Markov)."""
+    rng = np.random.default_rng([seed, 12])
+    scale = float(rng.uniform(0.93, 1.07))
+    gnss = Gnss(lever=(0.3, 0.1, 0.5), rate_hz=2.5, sigma=0.05, phase_s=0.013)
+    log, truth = wheeled_log(seed, duration_s, sensors=(Imu(), BodyTwist(), gnss))
+    s = log.streams["gnss"]
+    far = np.abs(s.t[:, None] - s.t) * 1e-9
+    covariance = smooth**2 * (1.0 + far / tau) * np.exp(-far / tau) + 0.25 * np.exp(-far / 30.0)
+    e = np.linalg.cholesky(covariance + 1e-9 * np.eye(len(s))) @ rng.standard_normal((len(s), 2)) / 6.37e6
+    z = s.z + np.column_stack([e[:, 0], e[:, 1] / np.cos(s.z[:, 0]), np.zeros(len(s))])
+    claims = {**s.extra, "hacc": np.ones(len(s))}
+    log = log.with_streams(replace(s, z=z, var=np.ones(s.var.shape), extra=claims))
+    log = times(log, "wheels", slice(0, 3), 1.0 / scale)
+    return log, {("wheels", "speed scale"): scale * (1.0 + float(truth.bias.wheels[0]))}
+
+
 def forward(truth: Truth) -> tuple[Floats, Floats]:
     """Speed and yaw rate of a robot that does not slide."""
     return np.hypot(truth.v[:, 0], truth.v[:, 1]), truth.w[:, 2]

@@ -113,7 +113,9 @@ def estimate(log: EventLog, cfg: FuseConfig, told: tuple[Finding, ...], progress
             if t.states and not c.scored
         },
     )
-    findings = in_order_of_harm((*told, *remarks, *judge(run, chosen, aligned), *log_notes(log)))
+    before = {f.code for f in remarks} & {"wheel-scale"}  # by the whole path: better than by the state of a filter
+    judged = (f for f in judge(run, chosen, aligned) if f.code not in before)
+    findings = in_order_of_harm((*told, *remarks, *judged, *log_notes(log)))
     findings = with_evidence(findings, log, chosen, run)
     return replace(run, findings=findings, outcome=outcome(run, findings, aligned, chosen))
 

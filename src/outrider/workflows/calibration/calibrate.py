@@ -15,11 +15,11 @@ from outrider.workflows.calibration.row import Row, row_of
 from outrider.workflows.calibration.tune import Tuned, tune
 from outrider.workflows.config import FuseConfig
 from outrider.workflows.discover import delayed, find_datum, scaled, screened
-from outrider.workflows.doctor.examine import Patient, paths
+from outrider.workflows.doctor.examine import Patient, paths, whole_paths
 from outrider.workflows.doctor.prescribe import prescribed, starter
 from outrider.workflows.doctor.signals import MOVING, Signal, speed
 from outrider.workflows.findings.say import error
-from outrider.workflows.parameters import What
+from outrider.workflows.parameters import WIDEST, What
 
 SCHEMA: Final = "outrider.calibration/1"
 UNDER_WAY_S: Final = 10.0  # s in motion, at least
@@ -81,6 +81,7 @@ def calibrate(log: EventLog, cfg: FuseConfig, *, noise: bool = False, progress: 
         return Calibration(log=log, rows=rows, config=with_rows(cfg, list(rows)), findings=(*remarks, *more))
     rows = rolling_rows(p, cfg) + iron
     rows += motion_rows(log, with_rows(cfg, rows), progress or (lambda _, __: None))  # need clocks and mounts that fit
+    rows = by_whole_path(rows, p)
     rows = [against_truth(r, rows) for r in rows]
     better, tuned = with_rows(cfg, rows), None
     if noise:
@@ -106,6 +107,22 @@ def under_way(s: Signal) -> float:
     """Seconds that a speed is above `MOVING`, averaged over two seconds: a fix that jitters does not move."""
     at = np.arange(s.t[0], s.t[-1], 1.0)
     return float(np.sum(np.abs(s.mean(at, 2.0)) > 2.0 * MOVING))
+
+
+def by_whole_path(rows: list[Row], p: Patient) -> list[Row]:
+    """Speed scales by the whole path instead, where a receiver's error wanders, which no filter here expects."""
+    found = {name: one for name, _, one in whole_paths(p)}
+
+    def better(r: Row) -> Row:
+        if r.what != What.SPEED.value or r.source not in found:
+            return r
+        one = found[r.source]
+        value, half = r.told * one.scale, abs(r.told) * one.half
+        made = row_of(r.source, r.what, r.unit, r.told, value, half, WIDEST[What.SPEED])
+        section = {"sources": {r.source: {"speed_gain": round(value, 5)}}}
+        return replace(made, section=section) if made.differs else made
+
+    return [better(r) for r in rows]
 
 
 def against_truth(r: Row, rows: list[Row]) -> Row:

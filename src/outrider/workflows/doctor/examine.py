@@ -11,7 +11,7 @@ from outrider.data import Datum, EventLog, Finding, Kind, Stream, Verdict
 from outrider.io.config import merged
 from outrider.typing import Floats, Ints
 from outrider.workflows.config import FuseConfig
-from outrider.workflows.discover import find_datum, scaled, screened
+from outrider.workflows.discover import delayed, find_datum, scaled, screened
 from outrider.workflows.doctor.lags import Lag, alike, correlation, lag_between
 from outrider.workflows.doctor.mounting import Turned, angle_between, mount_of
 from outrider.workflows.doctor.ranges import range_scale, told
@@ -27,6 +27,8 @@ from outrider.workflows.doctor.signals import (
     speed,
     turn_rate_of_wheels,
 )
+from outrider.workflows.doctor.wander import Whole, scale_by_path, wanders
+from outrider.workflows.doctor.wander import told as scale_told
 from outrider.workflows.draft import mount_of as mounted
 from outrider.workflows.findings.records import ENOUGH, FASTEST_TURN, G_BAND, TILT, mean_force
 from outrider.workflows.findings.say import error, warning
@@ -107,6 +109,7 @@ def examine(log: EventLog, cfg: FuseConfig) -> Examination:
         mounts(p, imu)
     clocks(p)
     range_scales(p)
+    wheel_scales(p)
     return Examination(tuple(p.findings), p.prescribed)
 
 
@@ -305,6 +308,28 @@ def range_scales(p: Patient) -> None:
             continue
         if p.prescribe(s.name, range_gain=round(1.0 / found.scale, 4)):
             p.note(told(found, s.name))
+
+
+def wheel_scales(p: Patient) -> None:
+    """Wheels that do not measure metres, where a receiver's error wanders: elsewhere the estimate knows it better."""
+    cfg = FuseConfig.model_validate(merged(p.prescribed, p.given.model_dump(exclude_unset=True)))
+    timed = Patient(p.log.with_streams(*(delayed(s, cfg) for s in p.log)), p.given, p.verdicts, p.datum)
+    for name, receiver, found in whole_paths(timed):
+        if (said := scale_told(found, name, receiver)) is not None:
+            p.note(said)
+
+
+def whole_paths(p: Patient) -> Iterator[tuple[str, str, Whole]]:
+    """Wheels, a receiver whose error wanders, and what the first measure by the path of the second."""
+    receiver = next((w for w in paths(p) if wanders(w, np.sqrt(np.abs(p.log.streams[w.source].var[:, 0])))), None)
+    gyro = next((g for s in p.usable(Kind.IMU) if (g := upright(p, s)) is not None), None)
+    if receiver is None or gyro is None:
+        return
+    for s in p.usable(Kind.TWIST, Kind.ACKERMANN, Kind.WHEELS):
+        own = speed(p.log, s)
+        found = scale_by_path(receiver, own, gyro) if own is not None else None
+        if found is not None:
+            yield s.name, receiver.source, found
 
 
 def say_lag(p: Patient, found: Lag) -> None:
