@@ -29,6 +29,7 @@ def gain_of(said: Finding) -> float:
     return float(said.fix.split("speed_gain: ")[1].rstrip("}"))
 
 
+@pytest.mark.compiled
 def test_the_interval_holds_the_scale() -> None:
     """Twelve drives; fifty in the evidence."""
     off = []
@@ -39,6 +40,7 @@ def test_the_interval_holds_the_scale() -> None:
     assert np.sum(np.abs(off) > 2.2) <= 2 and 0.5 < np.std(off) < 1.7, off
 
 
+@pytest.mark.compiled
 def test_rows_of_calibration_and_findings_say_so() -> None:
     log, true = wandering(3, 250.0)
     (row,) = by_whole_path([SPEED], patient(log, FuseConfig()))
@@ -55,6 +57,7 @@ def test_rows_of_calibration_and_findings_say_so() -> None:
     assert [f.text for f in fuse(log, FuseConfig()).findings if f.code == "wheel-scale"] == [said.text]
 
 
+@pytest.mark.compiled
 def test_white_noise_is_left_to_the_filter() -> None:
     log = wheeled(1, 70.0)[0]
     p = patient(log, FuseConfig())
@@ -105,6 +108,7 @@ def test_slopes_of_the_path_are_its_differences() -> None:
         np.testing.assert_allclose(slopes[:, k], change, atol=1e-4 * max(1.0, np.abs(change).max()))
 
 
+@pytest.mark.compiled
 def test_the_husky_s_wheels_measure_what_a_fit_of_the_whole_path_says(recordings: File) -> None:
     """0.967 in the notes beside the recording: one similarity of the path by gyro and wheels to all fixes."""
     log = recording(recordings / HUSKY)
