@@ -1,6 +1,7 @@
 """Pages made from the program itself: the command line, and the public modules with their docstrings."""
 
 import ast
+import inspect
 import os
 import re
 import shutil
@@ -8,8 +9,10 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from textwrap import dedent
 from typing import Any
 
 import typer
@@ -45,6 +48,7 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.connect("builder-inited", write_pages)
     app.connect("builder-inited", add_prints, priority=900)  # after the gallery's pages are there
     app.connect("autodoc-process-docstring", as_text)
+    app.connect("autodoc-process-signature", as_written)
     return {"parallel_read_safe": True}
 
 
@@ -93,6 +97,39 @@ def as_text(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: li
     told = list(unwrapped(prepare_docstring("\n".join(lines))))
     lines[:] = [f"| {escaped(line)}" if line.strip() else "|" for line in told]
     lines.append("")
+
+
+def as_written(
+    app: Sphinx, what: str, name: str, obj: Any, options: Any, told: str | None, returns: str | None
+) -> tuple[str, str | None] | None:
+    """The signature with types as the source spells them: `Floats`, not what numpy makes of it. None: as it is."""
+    found = definition(obj) if told else None
+    if isinstance(found, ast.ClassDef) and is_dataclass(obj):
+        types = {str(ast.unparse(n.target)): n for n in found.body if isinstance(n, ast.AnnAssign)}
+        given = [parameter(types[f.name]) for f in fields(obj) if f.init and f.name in types and f.name[0] != "_"]
+        return f"({', '.join(['*'] * (str(told)[1:2] == '*') + given)})", None
+    if isinstance(found, ast.FunctionDef):
+        own = found.args
+        if what == "method" and own.args and own.args[0].arg in ("self", "cls"):
+            del own.args[0]
+        return f"({ast.unparse(own)})", ast.unparse(found.returns) if found.returns else None
+    return None
+
+
+def definition(obj: Any) -> ast.stmt | None:
+    """Of a class or a function, compiled or not, where there is a source."""
+    try:
+        return ast.parse(dedent(inspect.getsource(inspect.unwrap(getattr(obj, "py_func", obj))))).body[0]
+    except (OSError, TypeError, SyntaxError):
+        return None
+
+
+def parameter(field: ast.AnnAssign) -> str:
+    """A field of a dataclass as a parameter; what a factory makes is not spelt out."""
+    value = field.value
+    made = isinstance(value, ast.Call) and ast.unparse(value.func) == "field"
+    default = "" if value is None else " = ..." if made else f" = {ast.unparse(value)}"
+    return f"{ast.unparse(field.target)}: {ast.unparse(field.annotation)}{default}"
 
 
 def unwrapped(lines: list[str]) -> Iterator[str]:

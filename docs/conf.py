@@ -24,10 +24,11 @@ myst_enable_extensions = ["dollarmath", "deflist"]
 myst_heading_anchors = 3
 nitpicky = False  # docstrings are plain text: names in backquotes are no roles
 default_role = "code"
-suppress_warnings = ["config.cache"]
+suppress_warnings = ["config.cache", "ref.python"]  # types of one name in several packages
 
 toc_object_entries = False  # thousands, copied into the sidebar of every page
-autodoc_typehints = "none"  # they stand in the signature
+autodoc_typehints = "none"  # `_reference` puts them into the signature as the source has them
+maximum_signature_line_length = 100
 autodoc_member_order = "bysource"
 autodoc_preserve_defaults = True
 add_module_names = False
@@ -42,6 +43,7 @@ sphinx_gallery_conf = {
     "remove_config_comments": True,
     "show_signature": False,
     "show_memory": False,
+    "write_computation_times": False,  # a page of its own, which loads scripts from elsewhere
     "min_reported_time": 1_000_000,
     "within_subsection_order": "FileNameSortKey",
     "matplotlib_animations": False,

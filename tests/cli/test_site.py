@@ -1,5 +1,6 @@
 """The documentation: every snippet runs, the site builds without a warning, and nothing on it leads nowhere."""
 
+import importlib
 import os
 import re
 import shutil
@@ -12,7 +13,9 @@ from urllib.parse import unquote, urlsplit
 
 import pytest
 
+from outrider.campaign.papers import Verdict, Work
 from outrider.cli import main
+from outrider.filters import ekf
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "docs" / "papers").glob("*.md"))]
@@ -99,6 +102,18 @@ def test_the_site_builds_and_nothing_on_it_leads_nowhere(site: Path) -> None:
     pages = {p.resolve(): Links(p.read_text()) for p in site.rglob("*.html")}
     assert len(pages) > 40
     assert list(leads(pages)) == []
+
+
+def test_the_reference_spells_types_as_the_source_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(ROOT / "docs"))
+    written = importlib.import_module("_reference").as_written
+    assert written(None, "function", "", ekf.update, None, "(belief)", None) == (
+        "(belief: Gaussian, y: Floats, H: Floats, R: Floats, *, consider: tuple[str, ...]=())", "Updated",
+    )  # fmt: skip
+    told, _ = written(None, "class", "", Work, None, "(*, seeds)", None)
+    assert told.startswith("(*, seeds: int | None = None, workers: int = 0,") and "_done" not in told
+    assert written(None, "method", "", Work.run, None, "(name)", None)[0].startswith("(name: str,")  # no self
+    assert written(None, "class", "", Verdict, None, "(value)", None) is None
 
 
 def test_every_command_and_every_how_to_is_on_the_site(site: Path) -> None:
