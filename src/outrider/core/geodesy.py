@@ -89,11 +89,14 @@ def _origin(lat0: float, lon0: float, alt0: float) -> _Origin:
 
 def geodetic_to_ecef(lat: ArrayLike, lon: ArrayLike, alt: ArrayLike) -> Floats:
     """ECEF positions (..., 3) [m]."""
-    phi, around, h = _sane(lat, lon, alt)
-    s, c = np.sin(phi), np.cos(phi)
+    return _rows(_xyz(*_sane(lat, lon, alt)))
+
+
+def _xyz(lat: Floats, lon: Floats, alt: Floats) -> tuple[Floats, Floats, Floats]:
+    s, c = np.sin(lat), np.cos(lat)
     N = A**2 / np.hypot(A * c, B * s)  # radius of curvature across the meridian
-    flat = (N + h) * c
-    return _rows((flat * np.cos(around), flat * np.sin(around), (N * (B / A) ** 2 + h) * s))
+    flat = (N + alt) * c
+    return flat * np.cos(lon), flat * np.sin(lon), (N * (B / A) ** 2 + alt) * s
 
 
 def ecef_to_geodetic(p: ArrayLike) -> Geodetic:
@@ -102,26 +105,31 @@ def ecef_to_geodetic(p: ArrayLike) -> Geodetic:
     The closed form is off by 6 mm at 1000 km height; one Newton step along north and up mends it.
     """
     xyz = np.asarray(p, dtype=np.float64)
-    x, y, z = xyz.reshape(-1, 3).T
-    lat, lon, alt = _closed_form(x, y, z)
+    return _geodetic(xyz[..., 0], xyz[..., 1], xyz[..., 2])
+
+
+def _geodetic(x: Floats, y: Floats, z: Floats) -> Geodetic:
+    shape = np.shape(x)
+    x, y, z = np.reshape(x, -1), np.reshape(y, -1), np.reshape(z, -1)
+    flat = np.hypot(x, y)
+    lat, lon, alt = _closed_form(x, y, z, flat)
     s, c = np.sin(lat), np.cos(lat)
     W2 = 1.0 - _E2 * s * s
-    N = A / np.sqrt(W2)  # radius of curvature across the meridian; along it, M = N (1 - e^2) / W^2
-    along, up = np.hypot(x, y) - (N + alt) * c, z - (N * (1.0 - _E2) + alt) * s
+    N = A / np.sqrt(W2)  # across the meridian; along it, M = N (1 - e^2) / W^2
+    along, up = flat - (N + alt) * c, z - (N * (1.0 - _E2) + alt) * s
     lat = np.minimum(np.maximum(lat + (c * up - s * along) / (N * (1.0 - _E2) / W2 + alt), -0.5 * pi), 0.5 * pi)
     alt = alt + c * along + s * up
-    shape = xyz.shape[:-1]
-    return (lat, lon, alt) if len(shape) == 1 else (lat.reshape(shape), lon.reshape(shape), alt.reshape(shape))
+    return lat.reshape(shape), lon.reshape(shape), alt.reshape(shape)
 
 
-def _closed_form(x: Floats, y: Floats, z: Floats) -> Geodetic:
-    """Of rows (n,).  Source: You (2000), J. Surv. Eng. 126(3), equations 4a to 4c, 7 and 13.
+def _closed_form(x: Floats, y: Floats, z: Floats, flat: Floats) -> Geodetic:
+    """Of rows (n,), flat = hypot(x, y).  Source: You (2000), J. Surv. Eng. 126(3), equations 4a to 4c, 7 and 13.
 
     As pymap3d has it, operation by operation, but for its guards, which cost most of its time; what needs them, rows
     near the axis or the centre of the Earth or that are not finite, is left to it.
     """
     r2, e2 = np.sqrt(x**2 + y**2 + z**2) ** 2 - _LINEAR**2, 2 * _LINEAR * z
-    u, flat = np.sqrt(0.5 * r2 + 0.5 * np.hypot(r2, e2)), np.hypot(x, y)  # u: of the ellipsoid through the place
+    u = np.sqrt(0.5 * r2 + 0.5 * np.hypot(r2, e2))  # m, semi-minor axis of the confocal ellipsoid through the place
     if not bool(((u > 1.0) & (flat > 1.0)).all()):
         lat, lon, alt = (np.reshape(a, x.shape) for a in _pymap3d.ecef2geodetic(x, y, z, deg=False))
         return lat, lon, alt
@@ -143,28 +151,36 @@ def rotation_enu_ecef(lat: float, lon: float) -> Floats:
 
 def ecef_to_enu(p: ArrayLike, lat0: float, lon0: float, alt0: float) -> Floats:
     """Positions (..., 3) [m] from ECEF to the tangent plane at the origin."""
-    o, xyz = _origin(lat0, lon0, alt0), np.asarray(p, dtype=np.float64)
-    u, v, w = xyz[..., 0] - o.p[0], xyz[..., 1] - o.p[1], xyz[..., 2] - o.p[2]
+    xyz = np.asarray(p, dtype=np.float64)
+    return _to_plane(_origin(lat0, lon0, alt0), xyz[..., 0], xyz[..., 1], xyz[..., 2])
+
+
+def _to_plane(o: _Origin, x: Floats, y: Floats, z: Floats) -> Floats:
+    u, v, w = x - o.p[0], y - o.p[1], z - o.p[2]
     t = o.cl * u + o.sl * v
     return _rows((-o.sl * u + o.cl * v, -o.sp * t + o.cp * w, o.cp * t + o.sp * w))
 
 
 def enu_to_ecef(p: ArrayLike, lat0: float, lon0: float, alt0: float) -> Floats:
     """Positions (..., 3) [m] from the tangent plane at the origin to ECEF."""
-    o, enu = _origin(lat0, lon0, alt0), np.asarray(p, dtype=np.float64)
+    return _rows(_from_plane(_origin(lat0, lon0, alt0), p))
+
+
+def _from_plane(o: _Origin, p: ArrayLike) -> tuple[Floats, Floats, Floats]:
+    enu = np.asarray(p, dtype=np.float64)
     e, n, u = enu[..., 0], enu[..., 1], enu[..., 2]
     t = o.cp * u - o.sp * n
-    return _rows((o.p[0] + (o.cl * t - o.sl * e), o.p[1] + (o.sl * t + o.cl * e), o.p[2] + (o.sp * u + o.cp * n)))
+    return o.p[0] + (o.cl * t - o.sl * e), o.p[1] + (o.sl * t + o.cl * e), o.p[2] + (o.sp * u + o.cp * n)
 
 
 def geodetic_to_enu(lat: ArrayLike, lon: ArrayLike, alt: ArrayLike, lat0: float, lon0: float, alt0: float) -> Floats:
     """Positions (..., 3) [m] east, north, up in the tangent plane at the origin."""
-    return ecef_to_enu(geodetic_to_ecef(lat, lon, alt), lat0, lon0, alt0)
+    return _to_plane(_origin(lat0, lon0, alt0), *_xyz(*_sane(lat, lon, alt)))
 
 
 def enu_to_geodetic(p: ArrayLike, lat0: float, lon0: float, alt0: float) -> Geodetic:
     """Latitude, longitude, height of tangent-plane positions (..., 3) [m]."""
-    return ecef_to_geodetic(enu_to_ecef(p, lat0, lon0, alt0))
+    return _geodetic(*_from_plane(_origin(lat0, lon0, alt0), p))
 
 
 def geodetic_to_ned(lat: ArrayLike, lon: ArrayLike, alt: ArrayLike, lat0: float, lon0: float, alt0: float) -> Floats:

@@ -42,6 +42,8 @@ class Kind(Enum):
     ESTIMATE = "estimate"  # another estimator's answer
     STATUS = "status"  # an autopilot's own estimator flags, for the report and for comparison
 
+    __hash__ = object.__hash__  # there is one of each: that of Enum is a call of Python, and every stream asks for it
+
     @property
     def columns(self) -> tuple[str, ...]:
         """Names of the columns of `Stream.z` (WHEELS has one per wheel instead, SCAN one per beam)."""
@@ -134,7 +136,7 @@ class Stream:
             )
 
     def __len__(self) -> int:
-        return int(self.t.shape[0])
+        return self.t.shape[0]
 
     def select(self, keep: Bools | Ints | slice) -> "Stream":
         """The same stream with only the given rows."""

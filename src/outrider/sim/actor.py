@@ -67,7 +67,8 @@ class Actor:
         if self._agent is None:
             return (), ""
         news = [arrived(s, self._told, now) for s in self._fresh]
-        self._fresh = [s for s in self._fresh if bool((s.t_arrival > now).any())]
+        parts = zip(self._fresh, news, strict=True)
+        self._fresh = [s for s, new in parts if new is not s and bool((s.t_arrival > now).any())]
         self._told = now if self._heard else self._told  # nothing has been sensed before the first step
         action = self._agent.act(now, [s for s in news if len(s)], inbox)
         if action.command is not None:

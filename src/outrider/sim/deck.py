@@ -1,6 +1,6 @@
 """A drone and the pad of its carrier during a run: it stands there, takes off, lands, and takes off again."""
 
-from typing import Protocol, final, runtime_checkable
+from typing import Final, Protocol, final, runtime_checkable
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from outrider.models.vehicles import AIR_INPUTS, CLIMB, ROW_P, ROW_Q, ROW_V, Veh
 from outrider.models.vehicles.pad import Docking, Pad, carried
 from outrider.typing import Floats
 
+LEAP: Final = 5.0  # m: no step is as long, so who is farther from the deck does not come down on it
 _P, _Q, _V = slice(ROW_P, ROW_P + 3), slice(ROW_Q, ROW_Q + 4), slice(ROW_V, ROW_V + 3)
 
 
@@ -44,6 +45,7 @@ class Deck:
             fix = f"raise its place to {carrier.height:g} m or more"
             raise ConfigError(f"its pad lies {carrier.height - pad.place[2]:g} m inside", where=where, fix=fix)
         self._launch = drone.launch
+        self._far = float(np.linalg.norm(pad.place)) + pad.radius + LEAP
         self.status, self._berth = Docking.DOCKED, pad.middle()
         self.events: list[tuple[int, Docking]] = []
         own[0] = carried(carrier_rows[[0, 0]], self._berth, drone.step_s, len(drone.actuators))[0]
@@ -82,7 +84,10 @@ class Deck:
     def _touch(self, k: int, last: int) -> int:
         """The row in which it comes down on the deck, else the last one."""
         carrier, own = self._carrier[k : last + 1], self._own[k : last + 1]
-        seen = np.einsum("nji,nj->ni", quats_to_matrices(carrier[:, _Q]), own[:, _P] - carrier[:, _P])
+        apart = own[:, _P] - carrier[:, _P]
+        if float(np.add.reduce(apart * apart, axis=1).min()) > self._far**2:
+            return last
+        seen = np.einsum("nji,nj->ni", quats_to_matrices(carrier[:, _Q]), apart)
         z, deck = seen[:, 2], self.pad.place[2]
         for i in (np.flatnonzero((z[:-1] >= deck) & (z[1:] < deck)) + 1).tolist():
             status = self.pad.after_flight(self.status, seen[i - 1], carrier[i], own[i])

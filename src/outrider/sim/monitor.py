@@ -112,12 +112,9 @@ class Monitor:
         rows = _looks(truth)
         t = truth.t[rows]
         gap, what = self._gaps(self.hulls[truth.robot], *self._seen(truth, rows))
-        kept = self.clearances.get(truth.robot)
-        closest = [
-            Closest(robot=truth.robot, what=what(k), distance=float(gap[k]), t=int(t[k]))
-            for k in _telling(gap)
-            if gap[k] < 0.0 or kept is None or gap[k] < kept.distance
-        ]
+        if _farther(gap, self.clearances.get(truth.robot)):
+            return []
+        closest = [Closest(robot=truth.robot, what=what(k), distance=float(gap[k]), t=int(t[k])) for k in _telling(gap)]
         for one in closest:
             _keep(self.clearances, truth.robot, one)
         return [one for one in closest if one.distance < 0.0][:1]
@@ -165,6 +162,8 @@ class Monitor:
 
     def _against_another(self, a: Truth, b: Truth) -> list[Closest]:
         t, gap = self.separation(a, b)
+        if _farther(gap, self.separations.get((a.robot, b.robot))):
+            return []
         touching = np.flatnonzero(gap < -1e-3)[:1]  # one may stand on the other
         nearest, *hits = (
             Closest(robot=a.robot, what=b.robot, distance=float(gap[k]), t=int(t[k]))
@@ -189,6 +188,11 @@ def _telling(gap: Floats) -> list[int]:
     first = np.flatnonzero(gap < 0.0)[:1]
     k = int(np.argmin(gap))
     return [] if gap[k] == inf else [*first.tolist(), k]
+
+
+def _farther(gap: Floats, kept: Closest | None) -> bool:
+    """Whether nothing touches and nothing is closer than it has been."""
+    return kept is not None and float(gap.min()) >= max(kept.distance, 0.0)
 
 
 def _keep(kept: dict[K, Closest], key: K, new: Closest) -> None:

@@ -90,7 +90,7 @@ class Truth:
     """What sensors of one rate and phase take of it."""
 
     def __len__(self) -> int:
-        return int(self.t.size)
+        return self.t.shape[0]
 
     @property
     def dt(self) -> float:

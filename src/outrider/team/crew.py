@@ -303,7 +303,7 @@ class Crew:
         rows = np.zeros((4, n))
         rows[:3] = K[T_P : T_P + 3, :n]
         # the error of the heading is that of the attitude about the vertical
-        rows[3] = k[K_R : K_R + 9].reshape(3, 3)[2] @ K[T_TH : T_TH + 3, :n]
+        rows[3] = k[K_R + 6 : K_R + 9] @ K[T_TH : T_TH + 3, :n]
         return rows
 
     def jolt(self, robot: str, speed: float, tilt: float) -> None:

@@ -8,7 +8,7 @@ from typing import Final, final
 import numpy as np
 
 from outrider.core.rotations import quats_to_matrices
-from outrider.data import Kind, Stream, stream
+from outrider.data import Kind, Stream
 from outrider.data.agents import Action, Message
 from outrider.guidance.flight import Flight, FlightRules, Phase, Senses, advance
 from outrider.team.crew import Crew
@@ -27,6 +27,7 @@ TOUCH: Final = 0.12  # m/s onto it
 HALT: Final = 0.06  # m/s, slower than told to sink is standing
 NEAR: Final = 0.35  # m above the pad from where on it may touch at any moment
 JOLT: Final = (0.06, 0.01)  # m/s and rad by which that may push it, each period
+UNSTATED: Final = np.full((1, len(Kind.ESTIMATE.columns)), np.nan)  # variances
 GENTLE: Final = 0.8  # m/s^2, of a drone's commands
 
 
@@ -284,4 +285,7 @@ class Drone:
 def _estimate(here: Fused, robot: str) -> Stream:
     """The estimate as a record of the log."""
     z = np.concatenate([here.p, here.q, here.v])[None]
-    return stream("estimate", Kind.ESTIMATE, np.array([here.t]), z, robot=robot, frame="base_link")
+    t = np.array([here.t])
+    return Stream(
+        name="estimate", kind=Kind.ESTIMATE, t=t, z=z, var=UNSTATED, t_arrival=t, robot=robot, frame="base_link"
+    )

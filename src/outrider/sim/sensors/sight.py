@@ -248,6 +248,9 @@ def _interleaved(
     late: float,
 ) -> Stream:
     """The records of several partners as one stream in time order."""
+    if len(rows) == 1:
+        alone = record(sensor, kind, here, rows[0], variance, latency_s=late)
+        return alone if keep[0].all() else alone.select(keep[0])
     width = len(kind.columns)
     z = np.stack(rows, axis=1).reshape(-1, width) if rows else np.zeros((0, width))
     index = np.repeat(np.arange(len(here)), len(rows))
