@@ -50,7 +50,9 @@ def calibrate_command(
     from outrider.io.registry import check_input
 
     check_input(log, start_s=start, end_s=end, mapping=mapping)
-    place = nullcontext(None) if output is None else replacing(output, force=force)  # refuses before the work is done
+    place = (
+        nullcontext(None) if output is None else replacing(output, force=force, source=log)
+    )  # refuses before the work is done
     with place as part, Progress(quiet=quiet) as progress:
         from outrider.workflows.calibration import calibrate
         from outrider.workflows.fuse_file import Input

@@ -66,7 +66,7 @@ def doctor_command(
         raise UsageError("is both the configuration and the page", where=str(output), fix="give them different names")
 
     def place(path: Path | None) -> AbstractContextManager[Path | None]:  # refuses before the work is done
-        return nullcontext(None) if path is None else replacing(path, force=force)
+        return nullcontext(None) if path is None else replacing(path, force=force, source=log)
 
     with place(output) as part, place(report) as page, Progress(quiet=quiet) as progress:
         from outrider.workflows.doctor.visit import visit

@@ -87,9 +87,14 @@ def ensure_output_dir(path: Path, *, force: bool = False) -> Path:
 
 
 @contextmanager
-def replacing(path: Path, *, force: bool = False) -> Generator[Path, None, None]:
-    """Yield a temporary path beside `path` that takes its place if the block succeeds, and vanishes if it does not."""
-    if path.exists() and not force:
+def replacing(path: Path, *, force: bool = False, source: Path | None = None) -> Generator[Path, None, None]:
+    """Yield a temporary path beside `path` that takes its place if the block succeeds, and vanishes if it does not.
+
+    It is never `source`, the recording that is read, whatever `force` says.
+    """
+    if source is not None and source.exists() and path.exists() and path.samefile(source):
+        raise OutputExistsError("is the recording itself", where=str(path), fix="give another name")
+    if os.path.lexists(path) and not force:
         raise OutputExistsError("exists already", where=str(path), fix="--force overwrites it")
     try:
         handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)

@@ -133,7 +133,9 @@ class TrialStore:
 
 def read_trials(folder: Path) -> Stored:
     """Configuration and rows of a folder, whether or not all trials have ended; a line being written is not yet one."""
-    configuration = read_marker(folder, MARKER, SCHEMA)["configuration"]
+    configuration = read_marker(folder, MARKER, SCHEMA).get("configuration")
+    if not _is_campaign(configuration):
+        raise DataError("is damaged: it says no cases", where=str(folder / MARKER), fix="make it again")
     try:
         lines = (folder / ROWS).read_bytes().split(b"\n")[:-1] if (folder / ROWS).exists() else []
     except OSError as e:
@@ -146,6 +148,16 @@ def read_trials(folder: Path) -> Stored:
             n for n, (line, row) in enumerate(zip(lines, parsed, strict=True), 1) if line.strip() and row is None
         ),
     )
+
+
+def _is_campaign(configuration: Any) -> bool:
+    """Whether it names a trial, and its cases with their numbers of samples."""
+    if not isinstance(configuration, dict):
+        return False
+    said = cast("Record", configuration)
+    cases = cast("list[Any]", said.get("cases")) if isinstance(said.get("cases"), list) else []
+    whole = all(isinstance(c, dict) and isinstance(cast("Record", c).get("sample", 0), int) for c in cases)
+    return whole and bool(cases) and isinstance(said.get("trial"), str)
 
 
 def _prepare(folder: Path, configuration: Record, *, resume: bool) -> None:
@@ -187,12 +199,19 @@ def _differences(stored: object, now: object, where: str = "") -> list[str]:
 
 def _parsed(line: bytes, cases: int = sys.maxsize) -> Record | None:
     try:
-        row = json.loads(line)
+        row = json.loads(line, parse_int=_small)
         whole = isinstance(row["case"], int) and isinstance(row["seed"], int) and isinstance(row["error"], str)
         whole = whole and 0 <= row["case"] < cases
         return cast("Record", row) if whole and isinstance(row["values"], dict) else None
     except (ValueError, KeyError, TypeError):
         return None
+
+
+def _small(text: str) -> int:
+    """A whole number of 64 bits; others are no count, seed or case."""
+    if abs(number := int(text)) >= 2**63:
+        raise ValueError(text)
+    return number
 
 
 def _names(mappings: Sequence[Mapping[str, object]]) -> list[str]:

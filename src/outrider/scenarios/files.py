@@ -12,7 +12,7 @@ from outrider.io.checked import remedy, validated
 from outrider.io.config import merged, parse_yaml, read_yaml, yaml_text
 from outrider.scenarios.parts import SENSORS, Scenario
 from outrider.scenarios.registry import Registered, find_scenario
-from outrider.scenarios.sections import bounded
+from outrider.scenarios.sections import STRICT, bounded
 
 ENDINGS = (".yaml", ".yml")
 
@@ -103,9 +103,11 @@ def _configured(found: Registered, own: Mapping[str, object]) -> object:
     for f in fields(found.config):
         if f.name in own:
             try:
-                checked[f.name] = TypeAdapter(bounded(hints[f.name], f.name)).validate_python(own[f.name])
+                checked[f.name] = TypeAdapter(
+                    bounded(STRICT.get(hints[f.name], hints[f.name]), f.name)
+                ).validate_python(own[f.name])
             except ValidationError as e:
-                text = str(e.errors()[0]["msg"]).replace("Input should", "should")
+                text = str(e.errors()[0]["msg"]).replace("Input should", "should").removeprefix("Value error, ")
                 raise ConfigError(f"{text}, is {own[f.name]!r}", where=f"--set {f.name}") from None
     return found.config(**checked)
 

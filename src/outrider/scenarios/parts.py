@@ -171,7 +171,7 @@ class TrackMission(Part):
     type: Literal["track"]
     points: Annotated[list[Point], Field(min_length=2)]
     speed: Annotated[Number, Field(gt=0)] = 1.0
-    wait_s: Annotated[Number, Field(ge=0)] = 5.0
+    wait_s: Annotated[Number, Field(ge=0, le=100_000)] = 5.0
     """Stands so long before it moves."""
     flies: Flag = False
     """Whether it leans into its accelerations, as a multirotor does."""

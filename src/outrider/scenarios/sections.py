@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import MISSING, Field, fields, is_dataclass
 from enum import Enum
 from functools import cache, reduce
-from math import isnan
+from math import hypot, inf, isnan
 from operator import or_
 from types import NoneType, UnionType
 from typing import Annotated, Any, Final, Literal, TypeAlias, TypeVar, Union, cast, get_args, get_origin, get_type_hints
@@ -44,18 +44,42 @@ ANGLES: Final[Mapping[str, tuple[str, ...]]] = {
 """Fields in radians, or radians per second, by class."""
 FASTEST: Final = 20_000.0  # Hz: no sensor of a robot is faster, and a run would not end
 LARGEST: Final = 10_000.0  # m, m/s: a site, or what moves in it
+LONGEST: Final = 1e9  # s, whose nanoseconds are a stamp
+MOST: Final = 1e12  # of anything: far beyond any use, and what follows from it stays finite
 SIZES: Final = ("side", "speed", "radius")
 COUNTS: Final = ("beams", "wheels", "satellites")
+POSITIVE: Final = (
+    "accel_range", "claims", "gear", "gyro_range", "half_angle", "max_range", "multipath_reach", "period_s",
+    "reach",
+)  # fmt: skip
+NOT_NEGATIVE: Final = (
+    "apart", "jitter_s", "latency_s", "misalignment", "multipath", "phase_s", "tick", "vibration", "wait_s",
+)  # fmt: skip
+SPREADS: Final = ("_density", "_instability", "_scale", "_start", "_walk")  # how such a name ends
+SHARES: Final = ("blocked", "drop", "loss")
+ENDLESS: Final = (
+    "accel_range", "bandwidth", "ceiling", "dwell_s", "end_s", "floor", "gyro_range", "max_range", "radio_range",
+    "range_m", "reach",
+)  # fmt: skip
+"""What may be infinite: a reach without end."""
 
 
 def _known(value: float) -> float:
+    if abs(_endless(value)) == inf:
+        raise ValueError(f"should be a finite number, is {value}")
+    if abs(value) > MOST:
+        raise ValueError(f"should be within {MOST:g}, is {value:g}")
+    return value
+
+
+def _endless(value: float) -> float:
     if isnan(value):
         raise ValueError("should be a number, is nan")
     return value
 
 
 Number: TypeAlias = Annotated[checked.Number, AfterValidator(_known)]
-"""Infinity is one: a reach without end."""
+Endless: TypeAlias = Annotated[checked.Number, AfterValidator(_endless)]
 STRICT: Final[Mapping[Any, Any]] = {float: Number, int: Whole, bool: Flag}
 Table: TypeAlias = list[Number] | list[list[Number]]
 
@@ -91,6 +115,12 @@ class MadePart(Part):
     model_config = ConfigDict(use_attribute_docstrings=False)
 
 
+def _turn(q: tuple[float, ...]) -> tuple[float, ...]:
+    if not abs(hypot(*q) - 1.0) < 1e-3:
+        raise ValueError("is no rotation (x, y, z, w of a length of 1; or write mount_rpy_deg: [roll, pitch, yaw])")
+    return q
+
+
 def section_of(cls: type[Any], *, tag: str = "", skip: tuple[str, ...] = ()) -> type[Part]:
     """The section that describes an instance of a dataclass; with `tag`, its key `type` holds that word."""
     hints = get_type_hints(cls)
@@ -99,6 +129,8 @@ def section_of(cls: type[Any], *, tag: str = "", skip: tuple[str, ...] = ()) -> 
         if not f.init or f.name in skip:
             continue
         kind = _translated(hints[f.name], f.name)
+        if f.name == "mount":
+            kind = Annotated[kind, AfterValidator(_turn)]
         made[f.name] = (kind, _option(f, hints[f.name]))
         if f.name in ANGLES.get(cls.__name__, ()):
             made[f"{f.name}_deg"] = (kind | None, None)
@@ -168,14 +200,20 @@ def _translated(hint: Any, name: str) -> Any:
 
 
 def bounded(kind: Any, name: str) -> Any:
-    """Rates, sizes, reaches and counts are positive, deviations, delays and shares are not negative."""
+    """Rates, sizes, reaches and counts are positive, deviations and delays are not negative, a share is at most 1."""
+    if kind == Number and (name in (*ENDLESS, *SIZES) or name.endswith("_hz")):  # which have bounds of their own
+        kind = Endless
+    elif kind == Number and name.endswith("_s"):
+        kind = Annotated[kind, Ge(-LONGEST), Le(LONGEST)]
     if name.endswith("_hz"):
         return Annotated[kind, Gt(0), Le(FASTEST)]
     if name in SIZES:
         return Annotated[kind, Gt(0), Le(LARGEST)]
-    if name in ("max_range", "reach", "period_s") or (kind is Whole and name in COUNTS):
+    if name in POSITIVE or name.endswith("tau_s") or (kind is Whole and name in COUNTS):
         return Annotated[kind, Gt(0)]
-    if name.startswith("sigma") or name.endswith("_density") or name in ("latency_s", "jitter_s", "drop", "loss"):
+    if name in SHARES:
+        return Annotated[kind, Ge(0), Le(1)]
+    if name in NOT_NEGATIVE or "sigma" in name or name.endswith(SPREADS):
         return Annotated[kind, Ge(0)]
     return kind
 

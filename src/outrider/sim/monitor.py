@@ -12,6 +12,7 @@ from typing import TypeVar, final
 
 import numpy as np
 
+from outrider.errors import ConfigError
 from outrider.sim.truth import Truth
 from outrider.sim.world import World
 from outrider.typing import Floats, Ints
@@ -33,6 +34,10 @@ class Hull:
 
     radius: float = 0.3
     height: float = 0.5
+
+    def __post_init__(self) -> None:
+        if not (self.radius > 0.0 and self.height > 0.0):
+            raise ConfigError(f"a cylinder of {self.radius:g} m, {self.height:g} m high", where="size", fix="above 0 m")
 
     def balls(self) -> Floats:
         """(m, 3) centres, from the middle of the cylinder, of equal balls that fill it to its walls or to its ends."""

@@ -42,6 +42,11 @@ class Lidar:
     lever: Vector = (0.0, 0.0, 0.3)
     mount: Quaternion = STRAIGHT
 
+    def __post_init__(self) -> None:
+        if not 0.0 < self.field <= 2.0 * np.pi + 1e-9:
+            fix = "more than 0, and 2 pi (360 deg) at most"
+            raise ConfigError(f"a field of {self.field:g} rad", where=self.name, fix=fix)
+
     def angles(self) -> Floats:
         """(beams,) rad, from the sensor's x towards its y."""
         step = self.field / (self.beams if self.field >= 2 * np.pi else max(self.beams - 1, 1))

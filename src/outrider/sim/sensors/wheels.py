@@ -9,6 +9,7 @@ from numpy.random import Generator
 
 from outrider.core.rotations import quats_conjugate
 from outrider.data import Kind, Stream
+from outrider.errors import ConfigError
 from outrider.sim.noise import white
 from outrider.sim.sensors.base import Device, Setting, record, sampled, stamps
 from outrider.sim.truth import Truth, rotate
@@ -70,6 +71,9 @@ class WheelEncoders:
         def sense(own: Truth, others: Mapping[str, Truth]) -> Stream:
             nonlocal travelled, counted
             t = stamps(own, self.rate_hz)
+            if own.actuators.shape[1] < self.wheels:
+                what, fix = f"has {own.actuators.shape[1]} actuators", f"`wheels`: so many, not {self.wheels}"
+                raise ConfigError(what, where=f"robot {own.robot}: {self.name}", fix=fix)
             rim = own.actuators[:, : self.wheels] * factor
             steps = 0.5 * (rim[1:] + rim[:-1]) * own.dt
             way = travelled + np.vstack([np.zeros(self.wheels), np.cumsum(steps, axis=0)])
@@ -103,6 +107,10 @@ class SteeringEncoder:
 
     def sample(self, truth: Truth, rng: Generator) -> Stream:
         here = sampled(truth, self.rate_hz)
+        columns = here.actuators.shape[1]
+        if not all(-columns <= k < columns for k in (self.speed, self.angle)):
+            what = f"has {columns} actuators, none of number {self.speed} or {self.angle}"
+            raise ConfigError(what, where=f"robot {truth.robot}: {self.name}", fix="a steered vehicle has them")
         sigma = np.array([self.sigma_speed, self.sigma_angle])
         z = (
             here.actuators[:, [self.speed, self.angle]]
