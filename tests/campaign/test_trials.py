@@ -23,7 +23,7 @@ from outrider.campaign.replay import replay
 from outrider.campaign.report import document
 from outrider.campaign.results import lines as results_lines
 from outrider.campaign.results import read_results
-from outrider.errors import ConfigError, OutputExistsError, OutriderError, UsageError
+from outrider.errors import ConfigError, DataError, OutputExistsError, OutriderError, UsageError
 from outrider.eval import paired
 from outrider.io.trials import MARKER, ROWS, TABLE, TrialStore, read_trials
 
@@ -251,6 +251,17 @@ def test_damaged_lines_run_again(tmp_path: Path) -> None:
     again = run_trials(drift, CASES, 2, store=tmp_path, resume=True)
     assert len(trial_functions.CALLS) == 3 and bits(again) == bits(whole)
     assert read_trials(tmp_path).damaged == () and document(read_results(tmp_path))["ended"] == 8
+
+
+@pytest.mark.parametrize(
+    "configuration",
+    ["[]", "{}", '{"cases": []}', '{"trial": "a", "cases": [3]}', '{"trial": "a", "cases": [{"sample": "x"}]}'],
+)
+def test_a_campaign_that_says_no_cases_is_damaged(tmp_path: Path, configuration: str) -> None:
+    run_trials(drift, CASES, 1, store=tmp_path)
+    (tmp_path / MARKER).write_text(f'{{"schema": "outrider.trials/1", "configuration": {configuration}}}')
+    with pytest.raises(DataError, match=r"campaign\.json: is damaged: it says no cases \(make it again\)"):
+        read_results(tmp_path)
 
 
 def test_numbers_of_trials_do_not_move_while_others_are_missing(tmp_path: Path) -> None:

@@ -22,6 +22,8 @@ COMMAND_LINES = {
     "{log} --start soon": "--start",
     "{log} --start nan": "no finite number",
     "{log} --start 5 --end 4": "ends before it starts",
+    "{log} --start 1e308": "is too large (give 1e+09 or less)",
+    "{log} --start -1e10": "is too large (give -1e+09 or more)",
     "{log} --mount imu": "write FRAME=x,y,z or FRAME=x,y,z,roll,pitch,yaw",
     "{log} --mount imu=1,2": "has 2 numbers",
     "{log} --mount imu=1,2,x": "no number",
@@ -92,6 +94,26 @@ def test_command_lines(outrider: Any, recording: Path, tmp_path: Path, line: str
     code = USAGE if line.startswith("{log}") or not line else BAD_DATA
     refused(done, code, COMMAND_LINES[line], tmp_path, {"full", "loop", "pipe"})
     assert (tmp_path / "full" / "config.yaml").read_text() == "precious"
+
+
+OTHERS = {  # of other commands
+    "eval {log} --outages /gnss=1e308": "no time (give more than zero seconds, and 1e+09 at most",
+    "eval {log} --outages /gnss=1 --every 1e-6": "windows, one every 1e-06 s, are too many (1000 at most",
+    "eval {log} --outages /gnss=1 --every 1e-300": "are too many",
+    "eval {log} {log} --span 1e308s": "no span of 1e+308 s",
+    "calibrate {log} -o loop": "loop: exists already (--force overwrites it)",
+    "doctor {log} -o {log} --force": "is the recording itself (give another name)",
+    "doctor {log} --report {log} --force": "is the recording itself (give another name)",
+    "run site-patrol --film 1e300": "is too large (give 1000 or less)",
+}
+
+
+@pytest.mark.parametrize("line", OTHERS)
+def test_command_lines_of_others(outrider: Any, recording: Path, tmp_path: Path, line: str) -> None:
+    (tmp_path / "loop").symlink_to("not-there")
+    log = recording.read_bytes()
+    refused(outrider(*line.format(log=recording).split()), USAGE, OTHERS[line], tmp_path, {"loop"})
+    assert recording.read_bytes() == log and (tmp_path / "loop").is_symlink()
 
 
 @pytest.mark.parametrize("text", CONFIGS)

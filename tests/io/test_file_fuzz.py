@@ -130,6 +130,10 @@ def test_campaign_over_every_reader_and_command(tmp_path: Path, place: Path) -> 
         "three in ten of them in two; the seed of a case is its number and the name of the kind. *Wrong* would be any",
         "exception that is not ours, a warning, more than 20 s of processor time, a message of",
         "several lines, or NaN among positions. Logs in memory spoilt by stream are in `tests/test_fuzz.py`.", "",
+        "Commands run in a user's folder, each with one of its files spoilt, and typed wrongly: a word or a number",
+        "that cannot be, a misspelt option, words twice, left out, swapped or too many, and outputs that exist, are",
+        "somebody's files, or cannot be made. *Wrong* is there also a code that is not documented, NaN in an answer, a",
+        "file that was changed though nobody asked for it, and anything left behind by what was refused.", "",
         "| kind | cases | read | refused with one line | wrong |", "|---|---|---|---|---|",
     ]  # fmt: skip
     all_of = f"| all | {total.total()} | {total['read']} | {total['refused']} | {total['wrong']} |"

@@ -3,6 +3,7 @@
 import io
 import json
 import os
+import re
 import shutil
 import warnings
 from collections.abc import Iterator, Sequence
@@ -131,7 +132,11 @@ def spoilt_line(line: Sequence[str], rng: Generator, *, surely: bool = False) ->
     how = how if options or how != "option" else "more"
     how = how if valued or how not in ("value", "place", "swapped") else "more"
     if how == "value":
-        words[int(rng.choice(valued))] = str(rng.choice(NONE if surely or rng.random() < 0.6 else ODD))
+        k, word = int(rng.choice(valued)), str(rng.choice(NONE if surely or rng.random() < 0.6 else ODD))
+        numbers = list(re.finditer(r"(?<![\w/])-?\d+\.?\d*", words[k]))
+        part = numbers[int(rng.integers(len(numbers)))].span() if numbers else (0, len(words[k]))
+        a, b = part if rng.random() < 0.5 and not surely else (0, len(words[k]))
+        words[k] = words[k][:a] + word + words[k][b:]
     elif how == "place":
         words[int(rng.choice(valued))] = str(rng.choice(PLACES))
     elif how == "option":

@@ -249,3 +249,43 @@ def test_sizes_and_speeds_are_positive_and_of_this_world(tmp_path: Path) -> None
 def test_an_unknown_setting_of_ours_gets_the_setting_that_was_meant(key: str, meant: str) -> None:
     with pytest.raises(ConfigError, match=rf"--set {key}: follow-leader has no setting of that name .*{meant}"):
         load_scenario("follow-leader", {key: 3})
+
+
+UNREAL = {  # what is written instead -> what is said of it
+    ("{type: imu,", "{type: imu, gyro_walk: 1,"): r"gyro_walk: unknown key",
+    ("{type: imu,", "{type: imu, gyro_instability: -1,"): r"gyro_instability: should be 0 or more, is -1",
+    ("{type: imu,", "{type: imu, instability_tau_s: 0,"): r"instability_tau_s: should be more than 0, is 0",
+    ("{type: imu,", "{type: imu, gyro_range: -3,"): r"gyro_range: should be more than 0, is -3",
+    ("{type: imu,", "{type: imu, misalignment_deg: .inf,"): r"should be a finite number, is inf",
+    ("{type: imu,", "{type: imu, gyro_density: 1e300,"): r"gyro_density: should be within 1e\+12, is 1e\+300",
+    ("{type: imu,", "{type: imu, mount: [0, 0, 0, 0],"): r"mount: is no rotation \(x, y, z, w of a length of 1;",
+    ("{type: imu,", "{type: imu, mount: [1, 1, 1, 1],"): r"mount: is no rotation",
+    ("{type: gnss, rate_hz: 5}", "{type: gnss, latency_s: .inf}"): r"latency_s: should be a finite number, is inf",
+    ("{type: gnss, rate_hz: 5}", "{type: gnss, phase_s: 1e+11}"): r"phase_s: should be 1e\+09 or less",
+    ("{type: gnss, rate_hz: 5}", "{type: gnss, phase_s: -1}"): r"phase_s: should be 0 or more",
+    ("{type: gnss, rate_hz: 5}", "{type: gnss}\n      - {type: lidar, drop: 1.5}"): r"drop: should be 1 or less",
+    ("{type: gnss, rate_hz: 5}", "{type: gnss}\n      - {type: lidar, field: -1}"): r"a field of -1 rad \(more than 0",
+    ("{type: gnss, rate_hz: 5}", "{type: gnss}\n      - {type: uwb, blocked: 2}"): r"blocked: should be 1 or less",
+    ("{type: gnss, rate_hz: 5}", "{type: gnss}\n    drift: {gnss_sigma: -1}"): r"gnss_sigma: should be 0 or more",
+    ("{type: gnss, rate_hz: 5}", "{type: gnss}\n    drift: {gnss_tau_s: 0}"): r"gnss_tau_s: should be more than 0",
+    ("{type: gnss, rate_hz: 5}", "{type: gnss}\n    size: {radius: 1, height: -1}"): r"a cylinder of 1 m, -1 m high",
+    ("{type: gnss, rate_hz: 5}", "{type: gnss}\n      - {type: wheel_encoders}"): r"has 2 actuators \(`wheels`",
+    ("{type: gnss, rate_hz: 5}", "{type: gnss}\n      - {type: steering_encoder, angle: 7}"): r"none of number 0 or 7",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("change", UNREAL)
+def test_numbers_that_cannot_hold_are_refused(tmp_path: Path, change: tuple[str, str]) -> None:
+    path = tmp_path / "yard.yaml"
+    assert change[0] in YARD
+    path.write_text(YARD.replace(*change))
+    with pytest.raises(ConfigError, match=UNREAL[change]) as caught:
+        rehearse(*load_scenario(str(path)))
+    assert "\n" not in str(caught.value)
+
+
+def test_what_has_no_end_may_be_infinite(tmp_path: Path) -> None:
+    path = tmp_path / "yard.yaml"
+    path.write_text(YARD.replace("{type: imu,", "{type: imu, gyro_range: .inf, accel_range: .inf,"))
+    scenario, _ = load_scenario(str(path))
+    assert scenario.team["rover"].sensors[0].gyro_range == np.inf

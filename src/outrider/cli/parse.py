@@ -10,6 +10,7 @@ from outrider.errors import UsageError
 
 T = TypeVar("T")
 LARGEST = 2**63 - 1
+MOST = 1e9  # seconds or metres: more is a slip of the keyboard, and its nanoseconds are no stamp
 
 
 def name(option: str) -> Callable[[object], str]:
@@ -29,14 +30,19 @@ def file(option: str) -> Callable[[object], Path]:
     return lambda text: Path(named(text))
 
 
-def number(option: str, *, least: float | None = None, above: float | None = None) -> Callable[[object], float]:
-    """A parser of finite numbers, `least` and more or more than `above`."""
+def number(
+    option: str, *, least: float | None = None, above: float | None = None, most: float = MOST
+) -> Callable[[object], float]:
+    """A parser of finite numbers, `least` and more or more than `above`; `most` at most, below zero as above."""
 
     def parse(text: object) -> float:
         value = _number(str(text), f"{option} {text}")
         if (least is not None and value < least) or (above is not None and value <= above):
             bound = f"{least:g} or more" if least is not None else f"more than {above:g}"
             raise UsageError("is too small", where=f"{option} {text}", fix=f"give {bound}")
+        if abs(value) > most:
+            bound = f"{most:g} or less" if value > 0.0 else f"{-most:g} or more"
+            raise UsageError("is too large", where=f"{option} {text}", fix=f"give {bound}")
         return value
 
     return parse
@@ -102,8 +108,10 @@ def seconds_of(text: str, option: str) -> tuple[str, float]:
     """SOURCE=S: a name, and more than zero seconds."""
     source, seconds = _split(text, option, "SOURCE=SECONDS")
     value = _number(seconds, f"{option} {text}")
-    if not value > 0.0:
-        raise UsageError("is no time", where=f"{option} {text}", fix="give more than zero seconds")
+    if not 0.0 < value <= MOST:
+        raise UsageError(
+            "is no time", where=f"{option} {text}", fix=f"give more than zero seconds, and {MOST:g} at most"
+        )
     return source, value
 
 

@@ -49,7 +49,7 @@ def run_command(
         typer.Option(
             "--film",
             metavar="HZ",
-            parser=parse.number("--film", above=0.0),
+            parser=parse.number("--film", above=0.0, most=1000.0),
             help="Also render film.gif: pictures per simulated second (MuJoCo, OpenGL).",
         ),
     ] = None,

@@ -5,12 +5,14 @@ scores the maximum; that is kept too).
 """
 
 from dataclasses import dataclass
-from typing import final
+from typing import Final, final
 
 import numpy as np
 
 from outrider.errors import UsageError
 from outrider.typing import Floats, Ints
+
+MOST_WINDOWS: Final = 1000
 
 
 @final
@@ -45,8 +47,11 @@ def outage_windows(start: int, end: int, length_s: float, *, every_s: float = 10
     """(k, 2) ns: windows of `length_s` that begin every `every_s`, the first `after_s` past the start, all within."""
     if not (length_s > 0.0 and every_s > 0.0 and after_s >= 0.0):
         raise UsageError(f"no outage windows of {length_s} s every {every_s} s", fix="give positive seconds")
+    if (windows := ((end - start) * 1e-9 - after_s - length_s) / every_s) > MOST_WINDOWS:
+        what = f"{windows:.3g} windows, one every {every_s:g} s, are too many"
+        raise UsageError(what, where="outages", fix=f"{MOST_WINDOWS} at most: each is a run of its own")
     first = start + round(after_s * 1e9)
-    begins = np.arange(first, end - round(length_s * 1e9) + 1, round(every_s * 1e9), dtype=np.int64)
+    begins = np.arange(first, end - round(length_s * 1e9) + 1, max(round(every_s * 1e9), 1), dtype=np.int64)
     return np.column_stack([begins, begins + round(length_s * 1e9)])
 
 

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from enum import Enum
-from math import isfinite
 from typing import Final, final
 
 import numpy as np
@@ -12,6 +11,7 @@ from outrider.errors import UsageError
 from outrider.typing import Ints
 
 LENGTHS_M: Final = (10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0, 2000.0, 5000.0, 10_000.0)
+LONGEST: Final = 1e9  # s, m or records
 
 
 class Unit(Enum):
@@ -34,9 +34,11 @@ class Span:
 
     def __post_init__(self) -> None:
         whole = self.unit is not Unit.RECORDS or float(self.value).is_integer()
-        if not (isfinite(self.value) and self.value > 0.0 and whole):
+        if not (0.0 < self.value <= LONGEST and whole):
             raise UsageError(
-                f"no span of {self.value:g} {self.unit.value}", where="--span", fix="10s, 100m or 5r: more than zero"
+                f"no span of {self.value:g} {self.unit.value}",
+                where="--span",
+                fix=f"10s, 100m or 5r: more than 0, {LONGEST:g} at most",
             )
 
     @classmethod

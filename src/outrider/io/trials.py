@@ -133,7 +133,7 @@ class TrialStore:
 
 def read_trials(folder: Path) -> Stored:
     """Configuration and rows of a folder, whether or not all trials have ended; a line being written is not yet one."""
-    configuration = read_marker(folder, MARKER, SCHEMA).get("configuration")
+    configuration: Any = read_marker(folder, MARKER, SCHEMA).get("configuration")
     if not _is_campaign(configuration):
         raise DataError("is damaged: it says no cases", where=str(folder / MARKER), fix="make it again")
     try:

@@ -59,7 +59,7 @@ class Inflation:
         """Cells that `radius` spans; ConfigError where they are too many."""
         cells = floor(self.radius / resolution + _EDGE)
         if cells > WIDEST:
-            what = f"a radius of {self.radius:g} m is {cells} cells of {resolution:g} m, more than {WIDEST}"
+            what = f"a radius of {self.radius:g} m is {cells:.6g} cells of {resolution:g} m, more than {WIDEST}"
             raise ConfigError(what, where="inflation", fix="a smaller radius or a coarser map")
         return cells
 

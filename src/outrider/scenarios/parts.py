@@ -15,6 +15,7 @@ from outrider.scenarios.inspecting import InspectMission
 from outrider.scenarios.patrolling import PatrolMission, StationMission, site
 from outrider.scenarios.sections import (
     STRICT,
+    Endless,
     MadePart,
     Number,
     Part,
@@ -242,7 +243,7 @@ class Scenario(Part):
     name: str = "scenario"
     about: str = ""
     seed: Annotated[Whole, Field(ge=0)] = 1
-    duration_s: Annotated[Number, Field(gt=0, le=100_000)]
+    duration_s: Annotated[Endless, Field(gt=0, le=100_000)]
     """At most; it ends earlier with the last mission, or with a collision."""
     world: WorldSection
     radio: inner_section(Radio) = Field(default={}, validate_default=True)  # type: ignore[valid-type]

@@ -128,7 +128,7 @@ def section_of(cls: type[Any], *, tag: str = "", skip: tuple[str, ...] = ()) -> 
     for f in fields(cls):
         if not f.init or f.name in skip:
             continue
-        kind = _translated(hints[f.name], f.name)
+        kind: Any = _translated(hints[f.name], f.name)
         if f.name == "mount":
             kind = Annotated[kind, AfterValidator(_turn)]
         made[f.name] = (kind, _option(f, hints[f.name]))
@@ -207,7 +207,7 @@ def bounded(kind: Any, name: str) -> Any:
         kind = Annotated[kind, Ge(-LONGEST), Le(LONGEST)]
     if name.endswith("_hz"):
         return Annotated[kind, Gt(0), Le(FASTEST)]
-    if name in SIZES:
+    if name in SIZES and kind is not Whole:  # a whole number picks a column
         return Annotated[kind, Gt(0), Le(LARGEST)]
     if name in POSITIVE or name.endswith("tau_s") or (kind is Whole and name in COUNTS):
         return Annotated[kind, Gt(0)]
