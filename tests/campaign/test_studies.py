@@ -143,6 +143,7 @@ def test_a_campaign_is_run_told_gone_on_with_and_one_of_its_trials_replayed(
         (["report", "somewhere", "-o", "there"], "leave out --output"),
         (["no-such-scenario"], "no-such-scenario"),
         (["follow-field", "--runs", "0"], "--runs"),
+        (["follow-field", "--runs", "2", "--seed", str(2**63 - 1)], "go beyond 64 bits (a smaller first one)"),
         (["follow-field", "--engine", "slurm"], "no such engine"),
         (["follow-field", "--engine", "dask"], "no such engine"),
         (["follow-field", "--sampling", "halton"], "no such sampling"),

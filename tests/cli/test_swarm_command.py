@@ -75,6 +75,7 @@ def test_a_violation_is_a_failed_check(outrider: Outrider) -> None:
         (("circle", "--drones", 1), "from 2 to 1000"),
         (("doorway", "--drones", 7), "an even number"),
         (("column", "--duration", 10), "120 s or more"),
+        (("circle", "--duration", "0.05"), "one step of 0.1 s or more"),
         (("column", "--silent", "3,5"), "DRONE,FROM,TO"),
         (("column", "--silent", "99,5,9"), "DRONE,FROM,TO"),
         (("column", "--late", "5"), "from 0.1 to 1 s"),

@@ -240,6 +240,8 @@ def test_sizes_and_speeds_are_positive_and_of_this_world(tmp_path: Path) -> None
             load_scenario(str(path))
     with pytest.raises(ConfigError, match=r"--set speed: should be greater than 0, is -1"):
         load_scenario("patrol", {"speed": -1})
+    with pytest.raises(ConfigError, match=r"--set minutes: should be within 1e\+12, is 1e\+300$"):
+        load_scenario("site-fleet", {"minutes": 1e300})
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from outrider.io.config import parse_yaml
 from outrider.typing import Floats
 
 MOST: Final = 1_000_000  # trials of one campaign
+LARGEST: Final = 2**63 - 1  # seed
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _SPAN = re.compile(rf"({_NUMBER}):({_NUMBER})(?::(\d+))?(:log)?")
 SHAPES: Final = "KEY=a,b,c (each), KEY=low:high:points (a grid) or KEY=low:high (sampled); `:log` spaces evenly in logs"
@@ -114,6 +115,8 @@ def cases_of(
     ranges = [a for a in axes if not a.values]
     if len(combinations) * runs > MOST:
         raise UsageError(f"{len(combinations)} x {runs} trials are too many", where="--runs", fix=f"at most {MOST}")
+    if seed + runs > LARGEST:
+        raise UsageError(f"{runs} seeds from {seed} on go beyond 64 bits", where="--seed", fix="a smaller first one")
     if not ranges:
         return combinations, tuple(range(seed, seed + runs))
     shares = _shares(len(ranges), runs, sampling, seed)

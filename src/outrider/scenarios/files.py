@@ -108,7 +108,8 @@ def _configured(found: Registered, own: Mapping[str, object]) -> object:
                 ).validate_python(own[f.name])
             except ValidationError as e:
                 text = str(e.errors()[0]["msg"]).replace("Input should", "should").removeprefix("Value error, ")
-                raise ConfigError(f"{text}, is {own[f.name]!r}", where=f"--set {f.name}") from None
+                text += "" if ", is " in text else f", is {own[f.name]!r}"
+                raise ConfigError(text, where=f"--set {f.name}") from None
     return found.config(**checked)
 
 

@@ -55,6 +55,8 @@ class Asked:
             raise UsageError(f"{self.drones} drones", where="--drones", fix=f"from 2 to {MOST}")
         if self.task in ("head-on", "crossing", "doorway") and self.drones % 2:
             raise UsageError(f"{self.drones} drones are not two sides", where="--drones", fix="an even number")
+        if self.seconds is not None and not self.seconds >= DT:
+            raise UsageError(f"{self.seconds:g} s", where="--duration", fix=f"one step of {DT:g} s or more")
         if self.task in COLUMNS and not self.lasts >= 2.0 * SETTLED_S:
             raise UsageError(f"{self.lasts:g} s", where="--duration", fix=f"{2.0 * SETTLED_S:g} s or more")
         if self.task == "convoy" and not (self.drones >= CONVOY and self.lasts >= self.drones * CONVOY_S + 150.0):
