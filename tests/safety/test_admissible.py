@@ -145,7 +145,7 @@ def test_a_promise_says_what_it_does_not_cover() -> None:
     at = admissible(LIKE, fixes, 2.0).set_point
     said = promise(LIKE, fixes, 2.0, at)
     assert f"may get within {nearest_coming_back(LIKE, fixes, 2.0, at):.2g} m at worst ('approach: 2'" in said
-    assert "may meet it" in promise(LIKE, Fixes(rate_hz=1.0, latency_s=0.3), 2.0, 5.49)
+    assert "may hit it" in promise(LIKE, Fixes(rate_hz=1.0, latency_s=0.3), 2.0, 5.49)
     back = replace(LIKE, approach=2.0, turn=pi)
     whole = promise(back, fixes, 2.0, admissible(back, fixes, 2.0).set_point)
     assert "undeclared" not in whole and whole.endswith("turns by up to 180 degrees, or comes back at up to 2 m/s")

@@ -274,6 +274,11 @@ def print_table(out: Console, table: Table) -> None:
         out.out(Text.from_ansi(line.rstrip()) if out.color_system else line.rstrip(), highlight=False)
 
 
+def times(count: int) -> str:
+    """How many times, in words."""
+    return "once" if count == 1 else f"{count} times"
+
+
 def number(value: float | None, digits: int = 3) -> str:
     """A few significant digits, no exponent where it can be helped."""
     if value is None or not isfinite(value):

@@ -7,7 +7,7 @@ from typing import Any
 from rich.markup import escape
 from rich.text import Text
 
-from outrider.cli.render import NONE, console, number, print_table, table_of
+from outrider.cli.render import NONE, console, number, print_table, table_of, times
 
 VAIN = ("timed_out", "unreachable")  # states of alerts
 
@@ -55,7 +55,7 @@ def run(summary: Mapping[str, Any], folder: Path, *, quiet: bool = False) -> Non
         for goal in r["goals"]:
             out.print(_goal(name, goal))
         for held in r["safety"]:
-            what = f"{name}: {held['text']}: {held['times']} times, {held['total_s']:.1f} s"
+            what = f"{name}: {held['text']}: {times(held['times'])}, {held['total_s']:.1f} s"
             out.print(Text(what, "dim"))
     for s in summary["separations"]:
         pair = " and ".join(s["robots"])
@@ -103,7 +103,7 @@ def _cooperation(done: Mapping[str, Any]) -> None:
         lost = ", ".join(f"{n} {why}" for why, n in told["lost"].items()) or "none"
         out.print(Text(f"exchange: {told['telegrams']} telegrams, {told['sent_bytes'] * 1e-6:.1f} MB, lost: {lost}"))
         for r in told["refused"]:
-            out.print(Text(f"refused from {r['from']}, {r['times']} times: {r['text']}", "yellow"))
+            out.print(Text(f"refused from {r['from']}, {times(r['times'])}: {r['text']}", "yellow"))
         for r in told["isolated"]:
             what = "no longer believes" if r["isolated"] else "believes again"
             out.print(Text(f"{r['by']} {what} {r['robot']}, after {r['t_s']:.1f} s", "yellow"))
@@ -168,12 +168,12 @@ def _pursuit(name: str, r: Mapping[str, Any]) -> None:
         far = f"{number(spell['mean_m'])} m from the target in the mean, {number(spell['largest_m'])} m at most"
         out.print(Text(f"{spell['text']}: {number(spell['seconds'])} s, {far}"))
     for c in r["changes"]:
-        out.print(Text(f"{c['stage']}, because {c['why']}: {c['times']} times", "dim"))
+        out.print(Text(f"{c['stage']}, because {c['why']}: {times(c['times'])}", "dim"))
     for h in r["safety"]:
         if h["code"] != "free":
             out.print(Text(f"{h['text']}: {100.0 * h['share']:.1f} % of the commands", "dim"))
         for b in h["because"]:
-            out.print(Text(f"  {b['times']} times because {b['text']}", "dim"))
+            out.print(Text(f"  {times(b['times'])} because {b['text']}", "dim"))
 
 
 def _mission(mission: Mapping[str, Any]) -> None:

@@ -133,7 +133,7 @@ def errors(ax: Axes, p: Pursuit) -> None:
         ax.plot(p.fixes[:, 0], off, ".", ms=3.5, mew=0, alpha=0.7, color=FIXES)
     ax.plot(p.t, np.linalg.norm(p.estimate - p.own, axis=1), color=KNOWN, lw=1.0)
     ax.set_ylim(bottom=0.0)
-    ax.set_ylabel("error [m]")
+    ax.set_ylabel("error in space [m]")
 
 
 def _legend(p: Pursuit) -> list[Any]:

@@ -154,9 +154,13 @@ def _held(summary: Json) -> list[tuple[str, Json]]:
     held = [(name, h) for name, r in summary["robots"].items() for h in r["safety"]]
     for name, r in (summary["pursuit"] or {}).items():
         for h in r["safety"]:
-            why = "; ".join(f"{b['times']} times because {b['text']}" for b in h["because"])
+            why = "; ".join(f"{_times(b['times'])} because {b['text']}" for b in h["because"])
             held += [(name, {**h, "text": f"{h['text']} ({why})" if why else h["text"]})] if h["code"] != "free" else []
     return held
+
+
+def _times(count: int) -> str:
+    return "once" if count == 1 else f"{count} times"
 
 
 def _word(name: str) -> str:

@@ -188,7 +188,7 @@ def promise(separation: Separation, fixes: Fixes, target_speed: float, set_point
     near = nearest_coming_back(x, fixes, v, set_point)
     if near >= x.distance - EASE:
         return told
-    within = f"may get within {near:.2g} m" if near > 0.0 else "may meet it"
+    within = f"may get within {near:.2g} m" if near > 0.0 else "may hit it"
     needs = x.distance + set_point - near
     mends = f"'approach: {v:g}' holds R_d then too, at {needs:.2f} m" if isfinite(needs) else "no distance holds then"
     return f"{told}; one that comes back undeclared {within} at worst ({mends})"
