@@ -74,6 +74,19 @@ def test_what_cannot_be_is_refused_with_a_remedy(changes: dict[str, Any], said: 
         build(parse_scenario(described(**changes)))
 
 
+@pytest.mark.parametrize("changes", [
+    {"team__target__mission__tells_velocity": ""},
+    {"team__target__sensors__1__name": "another"},
+])  # fmt: skip
+def test_a_target_that_tells_no_velocity_is_followed_from_farther_away(changes: dict[str, Any]) -> None:
+    def stays(**given: Any) -> float:
+        agent = pursuers(build(parse_scenario(described(team__follower__mission__zones__zone=12.0, **given))))
+        assert isinstance(agent["follower"].set_point, Adaptive)
+        return agent["follower"].set_point.now
+
+    assert stays(**changes) > stays() + 1.0
+
+
 def test_a_carried_leader_flies_through_its_waypoints_at_its_speed() -> None:
     data = described(duration_s=40.0, team__target__mission={
         "type": "lead", "waypoints": [[20.0, 0.0, 10.0], [20.0, 20.0, 16.0]], "speed": 2.0, "waits_s": [3.0, 0.0],

@@ -17,7 +17,7 @@ from outrider.models.vehicles import AIR_INPUTS, Differential, Mecanum, Pad, Rot
 from outrider.planning.inspection import InspectionPlan
 from outrider.scenarios.crews import Heard, crew_of
 from outrider.scenarios.driving import GotoMission, goal_poses, ground_robot
-from outrider.scenarios.following import LeadMission, carried_leader, leader, pursuer
+from outrider.scenarios.following import LeadMission, carried_leader, leader, pursuer, told_of
 from outrider.scenarios.inspecting import Inspector, agents
 from outrider.scenarios.navigation import Put, mount_matrix, navigator
 from outrider.scenarios.parts import (
@@ -88,7 +88,10 @@ def build(scenario: Scenario, where: str = "") -> Cast:
     with at(where, "team"):
         shared = setting_of(world, scenario.world.place, scenario.team)
         inspectors, plans = agents(_inspectors(scenario, world, put), world, radio, scenario.seed)
-    leads = {n: s.mission if isinstance(s.mission, LeadMission) else None for n, s in scenario.team.items()}
+    leads = {
+        n: told_of(s.mission, [x.name for x in s.sensors]) if isinstance(s.mission, LeadMission) else None
+        for n, s in scenario.team.items()
+    }
     team = tuple(
         _robot(n, s, shared, put[n], scenario.duration_s, where, inspectors.get(n), leads)
         for n, s in scenario.team.items()

@@ -1,6 +1,6 @@
 """One aircraft that follows another in scenario files: `mission: lead` and `mission: follow`."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import pi
 from typing import Annotated, Any, Final, Literal, cast
@@ -162,6 +162,11 @@ def leader(
     )  # fmt: skip
 
 
+def told_of(mission: LeadMission, sensors: Sequence[str]) -> LeadMission:
+    """What others may expect to hear of one that carries these sensors: no velocity of a stream that it has not."""
+    return mission if mission.tells_velocity in sensors else mission.model_copy(update={"tells_velocity": ""})
+
+
 def carried_leader(mission: LeadMission, put: Put, duration_s: float, world: World, robot: str) -> Truth:
     """The motion of one that is carried: its nose along its course, its body leaning as a multirotor's."""
     p = legs(mission, put[2]).path(np.array(put[:3]), duration_s, KNOTS_S, mission.lag_s, mission.acceleration)
@@ -227,7 +232,7 @@ def pursuer(
         acceleration=design.acceleration, speed=max(mission.speed, mission.far_speed),
         other_lag_s=mission.target_lag_s, turn=mission.target_turn, approach=mission.approach,
     )  # fmt: skip
-    fixes = _fixes(mission, carried, model)
+    fixes = _fixes(mission, carried, model, lead)
     speed = 0.8 * mission.speed if lead is None else lead.fastest
     set_point = _set_point(mission, separation, zones, fixes, speed)
     if fixes.oldest_s >= zones.silent_s:
@@ -280,15 +285,15 @@ def _set_point(mission: FollowMission, separation: Separation, zones: Zones, fix
     )  # fmt: skip
 
 
-def _fixes(mission: FollowMission, carried: tuple[Any, ...], model: FollowerModel) -> Fixes:
-    """What it may expect of both receivers, from its own."""
+def _fixes(mission: FollowMission, carried: tuple[Any, ...], model: FollowerModel, lead: LeadMission | None) -> Fixes:
+    """What it may expect of both receivers, from its own; no velocity, if either tells none."""
     by_name = {s.name: _bare(s) for s in carried}
     own, velocity = by_name[mission.gnss], by_name.get(mission.velocity)
-    target = _target_model(mission)
+    target, mute = _target_model(mission), lead is not None and not lead.tells_velocity
     return Fixes(
         rate_hz=own.rate_hz, latency_s=getattr(own, "latency_s", 0.0) + mission.period_s,
         sigma=max(getattr(own, "sigma", 1.0), getattr(own, "sigma_up", 0.0)),
-        velocity_sigma=float("inf") if velocity is None else velocity.sigma,
+        velocity_sigma=float("inf") if velocity is None or mute else velocity.sigma,
         acceleration=max(target.acceleration, target.turn or 0.0), own_acceleration=model.acceleration,
     )  # fmt: skip
 
