@@ -28,6 +28,7 @@ FITS: Final = 1.5  # NIS per degree of freedom: of positions that fit as they ar
 SEARCH: Final = np.arange(-8, 9) * 0.15  # s
 NARROWER: Final = (0.07, 0.03)  # s: parabolas through the best and its neighbours so far away
 CLIP: Final = 25.0  # NIS per degree of freedom at which one record's say stops growing
+SOFTEST: Final = 0.2  # times the believed noise: a source that is smoother still errs slowly, not less
 TEMPER: Final = 2.0  # log-likelihoods are divided by this, for no model is quite true
 HARMLESS: Final = 0.06  # s
 SURE: Final = 3.0  # deviations that a delay must be from none
@@ -106,11 +107,17 @@ def likelihoods(bench: Bench, p: Parameter, start: Alignment) -> Callable[[float
 
 
 def say(i: Innovations) -> tuple[float, float, int]:
-    """Log-likelihood, sum of NIS and degrees of freedom of a channel's records."""
+    """Log-likelihood, sum of NIS and degrees of freedom of a channel's records.
+
+    Its noise is known but for a factor, and the likelihood is that of the best one: with a mean NIS of k it is
+    -(n log k + sum log s^2) / 2. What a default makes too noisy, or a receiver claims too little for, weighs as it is.
+    """
     ok = i.dof > 0
-    nis, dof, s = i.nis[ok], i.dof[ok], i.s[ok]
-    spread: Floats = np.log(np.where(s > 0.0, s, 1.0)).sum(axis=1)
-    return -float(np.sum(0.5 * np.fmin(nis, CLIP * dof) + spread)), float(np.nansum(nis)), int(dof.sum())
+    nis, dof, s = np.fmin(i.nis[ok], CLIP * i.dof[ok]), i.dof[ok], i.s[ok]
+    n, spread = int(dof.sum()), float(np.log(np.where(s > 0.0, s, 1.0)).sum())
+    mean = float(np.nansum(nis)) / max(n, 1)
+    k = max(mean, SOFTEST**2)
+    return -0.5 * n * (np.log(k) + mean / k) - spread, float(np.nansum(i.nis[ok])), n
 
 
 def told(found: Late) -> Finding:
