@@ -66,7 +66,7 @@ def rmse(run: Run, truth: Stream, delay: float) -> float:
 
 
 @pytest.mark.parametrize(
-    ("path", "best", "bound"), [("Horizontal/path_4", -0.12, 0.55), ("Horizontal/path_7", -0.22, 0.45)]
+    ("path", "best", "bound"), [("Horizontal/path_4", -0.12, 0.41), ("Horizontal/path_7", -0.22, 0.41)]
 )
 def test_the_quadrotors_clock(recordings: Path, tmp_path: Path, path: str, best: float, bound: float) -> None:
     """best : the delay at which the error is least, by trying every 0.06 s."""

@@ -16,6 +16,7 @@ from outrider.data import Gaussian, Verdict
 from outrider.filters import step as one
 from outrider.filters.channels import Channel
 from outrider.filters.engine import Events, Filter, Queue, Track, run_batch
+from outrider.filters.moving_start import set_out, under_way
 from outrider.filters.ranged import position_by_ranges
 from outrider.filters.step import OUT_DOF, OUT_NIS, OUT_S, ROWS
 from outrider.models.motion import Motion
@@ -38,6 +39,7 @@ HOPELESS: Final = 60.0  # log-likelihood behind the best at which a hypothesis i
 CLIP: Final = 25.0  # NIS per degree of freedom at which one record's vote stops growing
 WINDOW: Final = 1.0  # s of inertial data for levelling
 MOST_BIAS: Final = 0.1  # rad/s: a gyro that says more is turning
+MOVING: Final = "levelled by gravity in motion"
 ANYWHERE: Final = 1000.0  # m: standard deviation of the position before the first fix
 UNKNOWN_HEADING: Final = 1.8  # rad: uniform over the circle
 
@@ -79,6 +81,8 @@ def align(f: Filter, q: Queue, spread: Mapping[str, float]) -> Alignment | None:
     turn(f, x, yaw)
     sd[heading_row(f)] = yaw_sd
     known = yaw_sd < UNKNOWN_HEADING / 2
+    if known and level == MOVING:
+        set_out(f, q, t_start, x, sd)
     return Alignment(Gaussian(x, np.diag(sd**2), f.layout), t_start, (place, heading, level), known)
 
 
@@ -121,6 +125,7 @@ def level_by_gravity(f: Filter, q: Queue, t_start: float, x: Floats, sd: Floats)
     gyro, accel = rows
     mean = accel.mean(axis=0)
     calm = gyro.std(axis=0).max() < 0.02 and accel.std(axis=0).max() < 0.5
+    calm = calm and not under_way(f, q, t_start)
     still = bool(calm and abs(np.linalg.norm(mean) - 9.81) < 0.5 and np.abs(gyro.mean(axis=0)).max() < MOST_BIAS)
     roll, pitch = np.arctan2(mean[1], mean[2]), np.arctan2(-mean[0], np.hypot(mean[1], mean[2]))
     q0 = np.zeros(4)
@@ -130,7 +135,7 @@ def level_by_gravity(f: Filter, q: Queue, t_start: float, x: Floats, sd: Floats)
     if still and "gyro_bias" in f.layout:
         x[f.layout.state("gyro_bias")] = gyro.mean(axis=0)
         sd[f.layout.error("gyro_bias")] = 0.003
-    return "levelled by gravity at rest" if still else "levelled by gravity in motion"
+    return "levelled by gravity at rest" if still else MOVING
 
 
 def inertial_window(f: Filter, q: Queue, t_start: float) -> tuple[Floats, Floats] | None:

@@ -74,7 +74,7 @@ class Records:
     flag: Ints
     row: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
 
-    def select(self, keep: Bools) -> "Records":
+    def select(self, keep: Bools | Ints) -> "Records":
         """Only the given ones."""
         return Records(*(getattr(self, f.name)[keep] for f in fields(self)))
 
