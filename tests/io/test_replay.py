@@ -33,6 +33,17 @@ def test_damaged_rows_are_counted_where_they_belong(tmp_path: Path) -> None:
     assert any("2 rows name no known sensor" in n for n in log.notes)
 
 
+def test_what_dates_from_before_the_clock_begins_is_left_out_and_told(tmp_path: Path) -> None:
+    rows = "".join(
+        f"{us},imu,0,0,-9.8,0,0,0\n{us},gps,1000,76000000,450000000,0,0,0\n" for us in range(50_000, 600_000, 50_000)
+    )
+    log = read_replay(write(tmp_path, "r.csv", rows.encode()))
+    gps = log.streams["gps"]
+    assert len(log.streams["imu"]) == 11 and len(gps) == len(log.streams["gps#velocity"]) == 9  # at 50 and 100 ms
+    assert gps.t[0] == 40_000_000 and gps.t_arrival[0] == 150_000_000
+    assert any("2 of 11 records of gps date from before the clock begins" in n for n in log.notes)
+
+
 def test_what_is_no_state_file_says_so(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="24 states"):
         read_change_indication(write(tmp_path, "c.csv", replay()))

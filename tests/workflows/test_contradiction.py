@@ -66,6 +66,49 @@ def test_of_two_that_drift_apart_neither_is_accused_whatever_its_name(log: Event
     assert not {f.code for f in run.findings} & {"overconfident", "faulted", "jump", "refused"}
 
 
+def test_two_that_drift_by_less_than_antennas_may_lie_apart_count_alike_whatever_their_names(log: EventLog) -> None:
+    """Each by what it claims, the gate would refuse either, and the heading between the two would be anything."""
+    (g,) = log.of(Kind.GNSS)
+    late = (g.t - g.t[0])[:, None] * 1e-9
+    away = replace(g, z=g.z + late * np.array([0.025 / EARTH, 0.0, 0.0]))
+    cfg = FuseConfig.model_validate({"sources": {g.name: {"use": "ignore"}}, "local": False})
+    runs = [
+        fuse(log.with_streams(replace(g, name=one), replace(away, name=other)), cfg)
+        for one, other in (("gps_a", "gps_b"), ("gps_b", "gps_a"))
+    ]
+    for run in runs:
+        assert run.outcome is Outcome.DEGRADED
+        (named,) = (f for f in run.findings if f.severity != "info")
+        assert named.code == "apart" and "gps_a and gps_b lie 0.5 m apart" in named.text
+        assert named.evidence is not None and np.max(named.evidence.curves[0].y) == pytest.approx(1.0, abs=0.1)
+        assert {a.source: a.used for a in run.accounts if a.kind == "GNSS"} == {"gps_a": 200, "gps_b": 200, g.name: 0}
+    alone = fuse(log, FuseConfig(local=False))
+    settled = alone.fused.pose.t > alone.start + 10_000_000_000
+    for run in runs:
+        np.testing.assert_allclose(run.fused.pose.p, runs[0].fused.pose.p, rtol=0, atol=1e-6)
+        turned = np.angle(np.exp(1j * (run.fused.pose.yaw - alone.fused.pose.yaw)))
+        assert np.sqrt(np.mean(turned[settled] ** 2)) < np.radians(3.0)
+
+
+def test_antennas_whose_places_are_told_may_be_apart(log: EventLog) -> None:
+    (g,) = log.of(Kind.GNSS)
+    mounts = {
+        **log.mounts,
+        "behind": log.mounts[g.frame] @ np.array([[1, 0, 0, -1.0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]),
+    }
+    heading = np.interp(g.t, *course(log))
+    back = np.column_stack([-np.sin(heading), -np.cos(heading) / np.cos(g.z[:, 0]), np.zeros(len(g))]) / EARTH
+    told = replace(log, mounts=mounts).with_streams(replace(g, name="rear", frame="behind", z=g.z + back))
+    run = fuse(told, FuseConfig(local=False))
+    assert not {f.code for f in run.findings} & {"apart", "contradiction", "overconfident", "refused", "jump"}
+
+
+def course(log: EventLog) -> tuple[np.ndarray, np.ndarray]:
+    """Stamps and heading [rad] of a fused log."""
+    pose = fuse(log, FuseConfig(local=False)).fused.pose
+    return pose.t, np.unwrap(pose.yaw)
+
+
 def test_one_that_two_others_contradict_stays_accused(log: EventLog) -> None:
     (g,) = log.of(Kind.GNSS)
     late = (g.t - g.t[0])[:, None] * 1e-9

@@ -14,7 +14,8 @@ landed     1 on the ground (no such stream)
 =========  =======================================================================================================
 
 The longitude stands before the latitude: read the other way round, motion east becomes motion north. Rows are stamped
-when EKF2 gets them; EKF2 then dates GNSS back by its default delay, and so does this reader (the arrival stays).
+when EKF2 gets them; EKF2 then dates GNSS back by its default delay, and so does this reader (the arrival stays). What
+that would put before the clock's zero is left out, with a note: nothing could be laid beside it.
 """
 
 import warnings
@@ -50,7 +51,7 @@ def read_replay(
     """Read an EKF2 replay input. Streams: imu, gps, gps#velocity, baro, mag, range, flow."""
     tables, malformed, notes = _tables(ensure_readable(path), progress)
     built = [s for name, build in BUILDERS.items() if name in tables for s in build(*tables[name])]
-    streams = [replace(s, robot=robot, malformed=malformed.get(s.name, 0)) for s in built]
+    streams = [replace(_begun(s, notes), robot=robot, malformed=malformed.get(s.name, 0)) for s in built]
     return assemble(path, streams, notes=notes, topics=topics, start_s=start_s, end_s=end_s)
 
 
@@ -82,6 +83,14 @@ def _tables(path: Path, progress: Progress | None) -> tuple[dict[str, tuple[Ints
             z[name].append(values)
     notes = [f"{bad['']} rows name no known sensor and were left out"] if "" in bad else []
     return {n: (np.array(t[n], np.int64), np.array(z[n])) for n in WIDTHS if t[n]}, bad, notes
+
+
+def _begun(s: Stream, notes: list[str]) -> Stream:
+    """A stream without what is dated to before the clock begins, and a note of it."""
+    before = (s.t <= 0) & (s.t_arrival > 0)
+    if before.any():
+        notes.append(f"{int(before.sum())} of {len(s)} records of {s.name} date from before the clock begins: left out")
+    return s.select(~before) if before.any() else s
 
 
 def _imu(t: Ints, z: Floats) -> list[Stream]:

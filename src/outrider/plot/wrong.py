@@ -16,6 +16,7 @@ TALL: Final = 2.0
 FEW: Final = 60  # points that are drawn larger
 HEADLINES: Final[Mapping[str, str]] = {
     "altitude-reference": "Two sources count height from different zeros",
+    "apart": "Two sources lie apart for what both claim",
     "clock-offset": "One source's clock is off",
     "contradicted": "A source contradicts the estimate",
     "contradiction": "Two sources contradict each other, and claim alike",

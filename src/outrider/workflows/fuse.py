@@ -40,6 +40,7 @@ from outrider.workflows.doctor import prescribed
 from outrider.workflows.draft import first_stamp
 from outrider.workflows.evidence import with_evidence
 from outrider.workflows.findings import in_order_of_harm, judge
+from outrider.workflows.findings.contradiction import evened
 
 Progress = Callable[[str, float], None]
 THROUGHOUT: Final = 0.99  # share of the time; a second or two go by before a heading shows
@@ -76,7 +77,7 @@ def fuse(
 def estimate(log: EventLog, cfg: FuseConfig, told: tuple[Finding, ...], progress: Progress | None) -> Run:
     """The job itself, see `fuse`."""
     cfg, remarks = prescribed(log, cfg)
-    chosen = plan(log, cfg)
+    chosen = evened(plan(log, cfg)) if cfg.preset == "default" else plan(log, cfg)
     start = first_stamp(chosen)
     everything = channel_records(chosen, chosen.whole, cfg, start)
     whole = Collector(chosen.whole, start)

@@ -31,6 +31,7 @@ SHOWN: Final[Mapping[str, Show]] = {
     "heading-conflict": of_result.headings,
     "overconfident": of_result.scatter,
     "contradiction": of_result.two_places,
+    "apart": of_result.two_places,
     "contradicted": of_result.disagreement,
     "jump": of_result.disagreement,
     "refused": of_result.disagreement,

@@ -97,7 +97,9 @@ def disagreement(case: Case, f: Finding) -> Evidence | None:
 def two_places(case: Case, f: Finding) -> Evidence | None:
     """How far two sources of position are from each other."""
     ours = {c.stream: c for c in case.chosen.whole.channels if c.reset[1] and not c.scored}
-    b = next((c for name, c in ours.items() if f"and {name} contradict" in f.text), None)
+    b = next(
+        (c for name, c in ours.items() if f" and {name} {'lie' if f.code == 'apart' else 'contradict'}" in f.text), None
+    )
     if b is None or f.source not in ours:
         return None
     off = apart(case.chosen, ours[f.source], b)

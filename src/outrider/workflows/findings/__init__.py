@@ -25,7 +25,7 @@ ORDER: Final = {"error": 0, "warning": 1, "info": 2}
 HARM: Final = (  # what spoils most of an estimate first; what is not listed stands behind
     "diverged", "contradiction", "not-credible", "never-used", "input-missing", "other-clock", "mount-conflict",
     "unit-deg", "unit-g", "unit-kmh", "turn-sense", "range-scale", "mount-found", "heading-unobservable",
-    "contradicted", "clock-offset", "heading-conflict", "near-divergence", "no-gravity", "reset", "faulted",
+    "contradicted", "apart", "clock-offset", "heading-conflict", "near-divergence", "no-gravity", "reset", "faulted",
     "silent", "silence", "position-invalid", "overconfident", "jump", "refused", "stamps-refused", "stamps-backwards",
 )  # fmt: skip
 

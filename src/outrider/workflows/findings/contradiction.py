@@ -1,6 +1,6 @@
 """Two sources of position that cannot both be right, and claim alike: nobody can tell which of them is wrong."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Final, final
 
@@ -9,10 +9,11 @@ import numpy as np
 from outrider.data import Finding, Fix, Kind, Run, Stream, Verdict
 from outrider.filters.align import Alignment
 from outrider.filters.channels import Channel, site_position
+from outrider.models.sensors.layout import LEVER
 from outrider.typing import Floats
 from outrider.workflows.assembly import SLOW_FACTOR, claimed_sigma
 from outrider.workflows.draft import Plan
-from outrider.workflows.findings.say import error
+from outrider.workflows.findings.say import error, warning
 
 APART: Final = 2.0  # m: nearer may as well be antennas at two places of one vehicle
 TIMES: Final = 5.0  # the deviation that both together claim
@@ -44,15 +45,16 @@ def contradictions(run: Run, chosen: Plan, aligned: Alignment) -> list[Finding]:
     return [said(run, p) for p in pairs(chosen)]
 
 
-def pairs(chosen: Plan) -> list[Pair]:
-    """Those that contradict each other, in the order of their names."""
+def pairs(chosen: Plan, least: float = APART) -> list[Pair]:
+    """Those that lie farther apart than that [m] and than both claim, in the order of their names."""
     sources = {c.stream: c for c in chosen.whole.channels if c.reset[1] and not c.scored}
     out: list[Pair] = []
     for a, b in combinations([sources[name] for name in sorted(sources)], 2):
         off, claims = apart(chosen, a, b), (claim(chosen, a), claim(chosen, b))
         if off.size < MANY or max(claims) > ALIKE * min(claims):
             continue
-        if float(np.median(off)) > max(APART, TIMES * float(np.hypot(*claims))):
+        arms = float(np.linalg.norm(a.theta[LEVER : LEVER + 3] - b.theta[LEVER : LEVER + 3]))
+        if float(np.median(off)) > max(least, TIMES * float(np.hypot(*claims))) + arms:
             out.append(Pair(a, b, off, claims))
     return out
 
@@ -71,21 +73,67 @@ def said(run: Run, p: Pair) -> Finding:
     return error("contradiction", text, one, fix + "or give their lever arms")
 
 
-def fair(found: list[Finding], chosen: Plan) -> list[Finding]:
-    """Findings without those that accuse one of a pair that parted slowly: its gate refused whoever came second.
+def slow_pairs(chosen: Plan) -> tuple[list[Pair], set[str]]:
+    """Pairs that parted slowly, however near they are, and the streams of which nothing tells whether they are wrong.
 
-    A source that contradicts more others than any of these others does is outvoted, and stays accused.
+    A source that contradicts more others than any of these others does is outvoted, and none of them.
     """
-    if not any(f.code == "contradiction" for f in found):
-        return found
-    both = [p for p in pairs(chosen) if not p.sudden]
+    both = [p for p in pairs(chosen, 0.0) if not p.sudden]
     against: dict[str, set[str]] = {}
     for p in both:
         against.setdefault(p.a.stream, set()).add(p.b.stream)
         against.setdefault(p.b.stream, set()).add(p.a.stream)
-    spared = {one for one, of in against.items() if len(of) <= max(len(against[other]) for other in of)}
+    return both, {one for one, of in against.items() if len(of) <= max(len(against[other]) for other in of)}
+
+
+def evened(chosen: Plan) -> Plan:
+    """The plan in which both of a pair that parted slowly count as far off as they are apart.
+
+    With what they claim each would be refused as soon as the other has been believed: the names would decide which, and
+    a heading found between the two is anything.
+    """
+    both, spared = slow_pairs(chosen)
+    least: dict[str, float] = {}
+    for p in both:
+        for one in (p.a.stream, p.b.stream) if {p.a.stream, p.b.stream} <= spared else ():
+            least[one] = max(least.get(one, 0.0), float(np.median(p.off)))
+    if not least:
+        return chosen
+    channels = tuple(counted(c, least.get(c.stream, 0.0)) for c in chosen.whole.channels)
+    return replace(chosen, whole=replace(chosen.whole, channels=channels))
+
+
+def counted(c: Channel, least: float) -> Channel:
+    """A source of position with this least horizontal deviation [m]."""
+    if not c.reset[1] or c.scored or least == 0.0:
+        return c
+    floor = c.floor.copy()
+    floor[:2] = np.maximum(floor[:2], least)
+    return replace(c, floor=floor)
+
+
+def fair(found: list[Finding], chosen: Plan) -> list[Finding]:
+    """Findings without those that accuse one of a pair that parted slowly, see `slow_pairs`; pairs that are too near
+    each other to be called a contradiction are named instead."""
+    both, spared = slow_pairs(chosen)
+    if not both:
+        return found
     names = {c.name for p in both for c in (p.a, p.b) if c.stream in spared} | spared
-    return [f for f in found if f.code not in ACCUSATIONS or f.source not in names]
+    near = [p for p in both if float(np.median(p.off)) <= APART and {p.a.stream, p.b.stream} <= spared]
+    kept = [f for f in found if f.code not in ACCUSATIONS or f.source not in names]
+    return kept + [asunder(p) for p in near]
+
+
+def asunder(p: Pair) -> Finding:
+    """The finding about a pair that may as well be two antennas."""
+    one, other, middle = p.a.stream, p.b.stream, float(np.median(p.off))
+    text = (
+        f"{one} and {other} lie {middle:.2g} m apart, {middle / float(np.hypot(*p.claims)):.0f} times what both claim: "
+    )
+    text += "their antennas are in different places, or one of them wanders, and nothing here tells which; "
+    text += f"both are counted as {middle:.2g} m"
+    fix = f"give their lever arms, or leave one out: sources: {{{one}: {{use: score}}}} or {{{other}: {{use: score}}}}"
+    return warning("apart", text, one, fix)
 
 
 def apart(chosen: Plan, a: Channel, b: Channel) -> Floats:
@@ -126,4 +174,4 @@ def stated_sigma(s: Stream) -> Floats:
     return np.sqrt(var)
 
 
-__all__ = ["apart", "contradictions", "fair"]
+__all__ = ["apart", "contradictions", "evened", "fair"]
