@@ -13,6 +13,7 @@ from outrider.workflows.config import FuseConfig
 from outrider.workflows.doctor import prescribed
 from outrider.workflows.doctor.receiver import receiver_clock
 from outrider.workflows.fuse import fuse
+from recorded import FLIGHT
 
 pytestmark = pytest.mark.compiled
 
@@ -40,6 +41,11 @@ def test_a_receiver_with_another_clock_is_found_and_used(seed: int, delay: float
 @pytest.mark.parametrize("seed", [20, 21])
 def test_a_clock_that_is_right_is_left_alone(seed: int) -> None:
     assert receiver_clock(drone_log(seed, 60.0)[0], FuseConfig()) is None
+
+
+def test_a_receiver_that_smooths_is_no_witness(recordings: Path) -> None:
+    """Its positions fit to a fifth of what they claim, for their errors go on; read as precise they accused its clock."""
+    assert receiver_clock(read_log(recordings / FLIGHT), FuseConfig()) is None
 
 
 def quadrotor(recordings: Path, room: Path, path: str, seed: int) -> tuple[EventLog, Stream]:

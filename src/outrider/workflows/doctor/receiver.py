@@ -15,6 +15,7 @@ from outrider.data.evidence import Curve, Evidence
 from outrider.errors import OutriderError
 from outrider.filters.align import Alignment
 from outrider.models.motion import Motion
+from outrider.models.sensors import Sensor
 from outrider.typing import Floats
 from outrider.workflows.bench import Bench, Innovations
 from outrider.workflows.config import FuseConfig, SourceSection
@@ -28,7 +29,7 @@ FITS: Final = 1.5  # NIS per degree of freedom: of positions that fit as they ar
 SEARCH: Final = np.arange(-8, 9) * 0.15  # s
 NARROWER: Final = (0.07, 0.03)  # s: parabolas through the best and its neighbours so far away
 CLIP: Final = 25.0  # NIS per degree of freedom at which one record's say stops growing
-SOFTEST: Final = 0.2  # times the believed noise: a source that is smoother still errs slowly, not less
+SOFTEST: Final = 0.5  # times the believed noise: what Doppler velocities may have less of
 TEMPER: Final = 2.0  # log-likelihoods are divided by this, for no model is quite true
 HARMLESS: Final = 0.06  # s
 SURE: Final = 3.0  # deviations that a delay must be from none
@@ -92,13 +93,17 @@ def search(bench: Bench, p: Parameter) -> Late | None:
 def likelihoods(bench: Bench, p: Parameter, start: Alignment) -> Callable[[float], tuple[float, float]]:
     """Log-likelihood (to a constant) and NIS per degree of freedom of the receiver's records by delay, from one start:
     a delay hardly turns it, and the filter forgets it."""
-    own = [k for k, c in enumerate(bench.channels) if c.stream in p.streams and not c.scored]
+    own = [
+        (k, SOFTEST if c.sensor is Sensor.GNSS_VELOCITY else 1.0)
+        for k, c in enumerate(bench.channels)
+        if c.stream in p.streams and not c.scored
+    ]
     seen: dict[float, tuple[float, float]] = {}
 
     def fit(delay: float) -> tuple[float, float]:
         if delay not in seen:
             run = bench.run({p: delay}, start=start, until=start.t_start + LONGEST_S)
-            said = [say(run[k]) for k in own]
+            said = [say(run[k], softest) for k, softest in own]
             dof = sum(s[2] for s in said)
             seen[delay] = sum(s[0] for s in said) / TEMPER, sum(s[1] for s in said) / max(dof, 1)
         return seen[delay]
@@ -106,17 +111,18 @@ def likelihoods(bench: Bench, p: Parameter, start: Alignment) -> Callable[[float
     return fit
 
 
-def say(i: Innovations) -> tuple[float, float, int]:
-    """Log-likelihood, sum of NIS and degrees of freedom of a channel's records.
+def say(i: Innovations, softest: float) -> tuple[float, float, int]:
+    """Log-likelihood, sum of NIS and degrees of freedom of a channel's records. softest : least factor of its noise.
 
     Its noise is known but for a factor, and the likelihood is that of the best one: with a mean NIS of k it is
-    -(n log k + sum log s^2) / 2. What a default makes too noisy, or a receiver claims too little for, weighs as it is.
+    -(n log k + sum log s^2) / 2. A claim that is too small weighs less, and velocities that are better than believed
+    weigh more; positions do not, for those of a receiver that smooths them err slowly, not less.
     """
     ok = i.dof > 0
     nis, dof, s = np.fmin(i.nis[ok], CLIP * i.dof[ok]), i.dof[ok], i.s[ok]
     n, spread = int(dof.sum()), float(np.log(np.where(s > 0.0, s, 1.0)).sum())
     mean = float(np.nansum(nis)) / max(n, 1)
-    k = max(mean, SOFTEST**2)
+    k = max(mean, softest**2)
     return -0.5 * n * (np.log(k) + mean / k) - spread, float(np.nansum(i.nis[ok])), n
 
 
