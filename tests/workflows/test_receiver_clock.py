@@ -44,7 +44,7 @@ def test_a_clock_that_is_right_is_left_alone(seed: int) -> None:
 
 
 def test_a_receiver_that_smooths_is_no_witness(recordings: Path) -> None:
-    """Its positions fit to a fifth of what they claim, for their errors go on; read as precise they accused its clock."""
+    """Its positions fit to a quarter of what they claim, for their errors go on: no precision."""
     assert receiver_clock(read_log(recordings / FLIGHT), FuseConfig()) is None
 
 
