@@ -214,7 +214,7 @@ def test_one_spoiled_stream(vehicle, change):
 
 
 @pytest.mark.parametrize("vehicle", ["rover", "drone"])
-@settings(max_examples=150, deadline=None, derandomize=True)
+@settings(max_examples=150, derandomize=True)
 @given(changes=steps, dropped=st.frozensets(st.integers(0, 5), max_size=4))
 def test_many_spoiled_streams(vehicle, changes, dropped):
     judge(spoiled(base(vehicle), changes, dropped))
@@ -222,7 +222,7 @@ def test_many_spoiled_streams(vehicle, changes, dropped):
 
 @pytest.mark.evidence
 @pytest.mark.parametrize("vehicle", ["rover", "drone"])
-@settings(max_examples=3000, deadline=None)
+@settings(max_examples=3000)
 @given(changes=steps, dropped=st.frozensets(st.integers(0, 5), max_size=4))
 def test_campaign(vehicle, changes, dropped):
     """The same, at length and with new random numbers every time."""
@@ -230,7 +230,7 @@ def test_campaign(vehicle, changes, dropped):
 
 
 @pytest.mark.parametrize("motion", ["planar", "strapdown", "omnidirectional", "follower"])
-@settings(max_examples=20, deadline=None, derandomize=True)
+@settings(max_examples=20, derandomize=True)
 @given(changes=steps)
 def test_every_process_model(motion, changes):
     for vehicle in ("rover", "drone"):

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pyarrow import parquet
 
@@ -61,7 +61,6 @@ def test_what_is_no_axis_is_one_line(text: str, says: str) -> None:
     assert "\n" not in str(e.value) and "--vary" in str(e.value)
 
 
-@settings(deadline=None)  # the first call imports scipy.stats
 @given(st.sampled_from(list(Sampling)), st.integers(1, 40), st.integers(0, 5), st.integers(1, 3))
 def test_samples_lie_in_their_ranges_and_are_the_same_again(
     sampling: Sampling, runs: int, seed: int, ranges: int

@@ -14,7 +14,7 @@ edges = st.sampled_from([pi, -pi, nextafter(pi, 4), nextafter(-pi, -4), 3 * pi, 
 angles = st.one_of(edges, st.floats(-1e6, 1e6))
 
 
-@settings(deadline=None, derandomize=True)
+@settings(derandomize=True)
 @given(angles)
 def test_inside_and_the_same_direction(a: float) -> None:
     b = wrap(a)
@@ -26,7 +26,7 @@ def test_inside_and_the_same_direction(a: float) -> None:
     assert wrap(b) == b
 
 
-@settings(deadline=None, derandomize=True)
+@settings(derandomize=True)
 @given(st.floats(-pi, pi, exclude_min=True))
 def test_an_angle_inside_is_left_alone(a: float) -> None:
     assert wrap(a) == a

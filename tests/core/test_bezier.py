@@ -10,7 +10,7 @@ from scipy.interpolate import BPoly, CubicSpline
 from outrider.core.bezier import BezierPath, bezier, bezier_slope, through
 from outrider.errors import DataError
 
-SMALL = settings(max_examples=40, deadline=None)
+SMALL = settings(max_examples=40)
 
 
 @SMALL

@@ -15,7 +15,7 @@ from outrider.core import rotations as rot
 from outrider.core.attitudes import quat_of_matrix
 from outrider.typing import Floats
 
-relaxed = settings(deadline=None, derandomize=True, max_examples=60)
+relaxed = settings(derandomize=True, max_examples=60)
 
 unit = st.floats(-1.0, 1.0, allow_nan=False)
 directions = st.tuples(unit, unit, unit).map(np.array).filter(lambda v: np.linalg.norm(v) > 1e-2)

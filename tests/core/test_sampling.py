@@ -10,7 +10,7 @@ from outrider.core import sampling
 from outrider.errors import DataError
 
 
-@settings(deadline=None, derandomize=True, max_examples=50)
+@settings(derandomize=True, max_examples=50)
 @given(st.integers(1, 7), st.integers(0, 7), st.floats(-8.0, 8.0), st.integers(0, 1000))
 def test_the_root_of_any_covariance(d: int, rank: int, magnitude: float, seed: int) -> None:
     A = np.random.default_rng(seed).normal(size=(d, min(rank, d))) * 10.0**magnitude

@@ -49,7 +49,7 @@ def test_a_family_holds_together(method):
     assert np.mean(np.all((means >= alone[0]) & (means <= alone[1]), axis=1)) < 0.3
 
 
-@settings(max_examples=50, deadline=None, derandomize=True)
+@settings(max_examples=50, derandomize=True)
 @given(st.integers(1, 30), st.integers(1, 500), st.floats(0.5, 0.9999), st.integers(1, 1000))
 def test_bounds_enclose_the_expectation_and_widen_with_the_family(dof, n, probability, tests):
     one = average_bounds(dof, n, probability=probability)

@@ -98,7 +98,7 @@ def test_unknown_headings_stay_unknown():
     assert statistics(heading_errors(pairs)).n == 29
 
 
-@settings(max_examples=30, deadline=None, derandomize=True)
+@settings(max_examples=30, derandomize=True)
 @given(st.lists(st.integers(0, 4_000), min_size=1, max_size=30, unique=True), st.integers(1, 1500))
 def test_association_never_invents(stamps, gap_ms):
     truth = winding(40)

@@ -114,7 +114,7 @@ def test_joint_filter_is_the_one_filter_over_everybody(rng: np.random.Generator)
         np.testing.assert_allclose(done.P[f"r{i}"][-1], P[6 * i : 6 * i + 6, 6 * i : 6 * i + 6], atol=1e-9)
 
 
-@settings(deadline=None, max_examples=8)
+@settings(max_examples=8)
 @given(seed=st.integers(0, 2**32 - 1), every=st.integers(1, 12), first=st.booleans())
 def test_two_distributed_robots_are_one_filter_whenever_they_have_met(seed: int, every: int, first: bool) -> None:
     """Mean and covariance, to rounding, also if one of the two never sees a fix of its own."""

@@ -24,7 +24,7 @@ def near_singular(rng, n, low, high):
     return 0.5 * (P + P.T)
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=40, derandomize=True)
 @given(
     seed=st.integers(0, 10_000),
     n=st.integers(1, 7),
@@ -58,7 +58,7 @@ def test_the_short_form_would_fail_where_joseph_holds():
     assert worst > -np.finfo(float).eps * 1e8
 
 
-@settings(max_examples=20, deadline=None, derandomize=True)
+@settings(max_examples=20, derandomize=True)
 @given(seed=st.integers(0, 10_000), n=st.integers(1, 17))
 def test_joseph_equals_the_printed_formula_for_any_gain(seed, n):
     rng = np.random.default_rng(seed)
@@ -74,7 +74,7 @@ def test_joseph_equals_the_printed_formula_for_any_gain(seed, n):
     np.testing.assert_allclose(w.M[:, :n], expected, atol=1e-11 * np.abs(expected).max())
 
 
-@settings(max_examples=20, deadline=None, derandomize=True)
+@settings(max_examples=20, derandomize=True)
 @given(seed=st.integers(0, 10_000), n=st.integers(1, 17), m=st.integers(1, 8))
 def test_one_after_the_other_is_the_joint_update(seed, n, m):
     """Correction, covariance, joint NIS and predicted variances, with stale contents and considered states."""
@@ -97,7 +97,7 @@ def test_one_after_the_other_is_the_joint_update(seed, n, m):
     np.testing.assert_allclose(got, A @ P @ A.T + K @ np.diag(r) @ K.T, atol=1e-9)
 
 
-@settings(max_examples=20, deadline=None, derandomize=True)
+@settings(max_examples=20, derandomize=True)
 @given(seed=st.integers(0, 10_000), n=st.integers(1, 17))
 def test_a_process_jacobian_may_fill_up_and_thin_out(seed, n):
     """The places of non-zeros are remembered; a matrix with others, or with fewer, is multiplied as well."""
@@ -111,7 +111,7 @@ def test_a_process_jacobian_may_fill_up_and_thin_out(seed, n):
         np.testing.assert_allclose(P, expected, atol=1e-11 * max(1.0, np.abs(expected).max()))
 
 
-@settings(max_examples=15, deadline=None, derandomize=True)
+@settings(max_examples=15, derandomize=True)
 @given(seed=st.integers(0, 10_000), m=st.integers(1, 4))
 def test_correlated_noise_gives_the_same_posterior_as_the_printed_formula(seed, m):
     rng = np.random.default_rng(seed)
@@ -282,7 +282,7 @@ def cross(v):
 MIXED = StateLayout(("position", 2, "m"), ("attitude", Manifold.ROTATION, "rad"), ("heading", Manifold.ANGLE, "rad"))
 
 
-@settings(max_examples=20, deadline=None, derandomize=True)
+@settings(max_examples=20, derandomize=True)
 @given(seed=st.integers(0, 10_000), scale=st.floats(0, 2.5))
 def test_transport_is_the_jacobian_of_changing_the_point(seed, scale):
     rng = np.random.default_rng(seed)

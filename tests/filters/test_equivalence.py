@@ -85,7 +85,7 @@ def compare(ours, reference, tolerance=1e-9):
 
 
 @pytest.mark.parametrize("run", [run_ekf, run_iterated, run_ukf, run_ukf_wide])
-@settings(max_examples=12, deadline=None, derandomize=True)
+@settings(max_examples=12, derandomize=True)
 @given(seed=st.integers(0, 10_000), n=st.integers(1, 7), m=st.integers(1, 5))
 def test_filter_is_kalman_on_linear_problems(run, seed, n, m):
     p = problem(seed, n, m)
@@ -112,7 +112,7 @@ def test_agrees_with_filterpy():
     compare(run_ukf(p), out)
 
 
-@settings(max_examples=10, deadline=None, derandomize=True)
+@settings(max_examples=10, derandomize=True)
 @given(seed=st.integers(0, 10_000), n=st.integers(2, 6), m=st.integers(2, 5))
 def test_independent_measurements_one_by_one_equal_all_at_once(seed, n, m):
     p = problem(seed, n, m)
@@ -136,7 +136,7 @@ def exact_ensemble(belief: Gaussian, members, rng) -> Ensemble:
     return Ensemble(belief.x + W @ np.linalg.cholesky(belief.P).T, belief.layout)
 
 
-@settings(max_examples=12, deadline=None, derandomize=True)
+@settings(max_examples=12, derandomize=True)
 @given(seed=st.integers(0, 10_000), n=st.integers(1, 6), m=st.integers(1, 5))
 def test_square_root_ensemble_is_kalman_given_exact_moments(seed, n, m):
     p, rng = problem(seed, n, m), np.random.default_rng(seed)

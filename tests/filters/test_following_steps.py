@@ -31,7 +31,7 @@ def dense(c: np.ndarray, n: int):
     return F, B, np.triu(Q) + np.triu(Q, 1).T
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(n=st.sampled_from([6, 9]), seed=st.integers(0, 10_000), dt=st.floats(0.01, 2.0))
 def test_a_step_is_the_kalman_filter(n, seed, dt):
     x, P, rng = some(n, seed)
@@ -44,7 +44,7 @@ def test_a_step_is_the_kalman_filter(n, seed, dt):
     np.testing.assert_allclose(P, want_P, rtol=1e-11, atol=1e-11)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     n=st.sampled_from([6, 9]),
     at=st.sampled_from([0, 3]),

@@ -77,7 +77,7 @@ def tell(sender: Teammate, receiver: Teammate) -> News:
     return sender.news(receiver.number)
 
 
-@settings(deadline=None, max_examples=10)
+@settings(max_examples=10)
 @given(seed=st.integers(0, 2**32 - 1), data=st.data())
 def test_news_may_come_in_any_order_and_twice(seed: int, data: st.DataObject) -> None:
     """Third robots hear of ten meetings by messages that are shuffled and doubled: the same ledger to 1e-9."""

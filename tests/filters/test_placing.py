@@ -27,7 +27,7 @@ def looked_at(frame: Floats, marks: Floats, n: int = 24, noise: Floats | None = 
     return Pairs(t, own + (0.0 if noise is None else noise), world, np.full(n, 0.15**2), np.arange(n))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.floats(-50, 50), st.floats(-50, 50), st.floats(-np.pi, np.pi))
 def test_exact_sightings_give_the_exact_pose(x: float, y: float, turn: float) -> None:
     frame = np.array([x, y, turn])

@@ -23,7 +23,7 @@ def record(belief, steps):
     return [np.array(column) for column in zip(*rows, strict=True)]
 
 
-@settings(max_examples=10, deadline=None, derandomize=True)
+@settings(max_examples=10, derandomize=True)
 @given(seed=st.integers(0, 10_000), n=st.integers(1, 4), m=st.integers(1, 2), steps=st.integers(2, 8))
 def test_smoother_is_batch_least_squares(seed, n, m, steps):
     """One big weighted least-squares problem over all states at once."""

@@ -53,7 +53,7 @@ def assert_sound(s: one.State, before: float = 0.1) -> None:
 
 @pytest.mark.compiled
 @pytest.mark.parametrize("make", [rover, drone, omnidirectional, follower])
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=60, derandomize=True)
 @given(sequence=events)
 def test_no_record_can_spoil_the_estimate(make, sequence):
     f = make()

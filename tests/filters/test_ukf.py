@@ -17,7 +17,7 @@ def vector(n):
     return StateLayout(("s", n, "m"))
 
 
-@settings(max_examples=30, deadline=None, derandomize=True)
+@settings(max_examples=30, derandomize=True)
 @given(n=st.integers(1, 30), alpha=st.floats(0.1, 1.5), kappa=st.floats(0, 3))
 def test_weights_reproduce_mean_and_covariance(n, alpha, kappa):
     wm, wc, gamma = ukf.Spread(alpha=alpha, kappa=kappa, beta=2.0).weights(n)
@@ -33,7 +33,7 @@ def test_no_weight_of_the_default_is_negative():
         ukf.Spread(kappa=-6.0).weights(6)
 
 
-@settings(max_examples=20, deadline=None, derandomize=True)
+@settings(max_examples=20, derandomize=True)
 @given(seed=st.integers(0, 10_000), size=st.floats(0, 0.6))
 def test_sigma_points_have_the_belief_as_moments(seed, size):
     """Draw and recover without a process in between: nothing changes, rotations included."""
@@ -85,7 +85,7 @@ def test_polar_to_cartesian_mean_is_better_than_linear(rng):
     np.testing.assert_allclose(np.diag(got.P), sample.var(axis=0), rtol=0.12)
 
 
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=25, derandomize=True)
 @given(seed=st.integers(0, 10_000), noise=st.floats(-8, 1), n=st.integers(1, 6))
 def test_updated_covariance_is_symmetric_and_positive(seed, noise, n):
     rng = np.random.default_rng(seed)

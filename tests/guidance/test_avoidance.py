@@ -49,7 +49,7 @@ def scipy_nearest(lines: Floats, v: tuple[float, float], want: tuple[float, floa
     return minimize(lambda x: np.sum((x - want) ** 2), np.array(v), constraints=limits, options={"ftol": 1e-13}).x
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(SEED, st.integers(0, 8))
 def test_the_nearest_velocity_keeps_every_line_and_is_scipys(seed: int, n: int) -> None:
     lines, v, want = problem(seed, n)
@@ -64,7 +64,7 @@ def test_the_nearest_velocity_keeps_every_line_and_is_scipys(seed: int, n: int) 
         assert ours <= others + 1e-5
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(SEED, st.integers(1, 8), st.integers(0, 4))
 def test_lines_give_way_by_rank_and_by_the_least_amount(seed: int, n: int, firm: int) -> None:
     lines, v, want = problem(seed, n + firm)
@@ -99,7 +99,7 @@ def test_lines_give_way_by_rank_and_by_the_least_amount(seed: int, n: int, firm:
     assert rank in (PARTED, BROKEN)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(SEED, st.floats(0.0, 0.5))
 def test_two_that_keep_their_reciprocal_lines_do_not_meet_within_the_horizon(seed: int, left: float) -> None:
     rng = np.random.default_rng(seed)
@@ -117,7 +117,7 @@ def test_two_that_keep_their_reciprocal_lines_do_not_meet_within_the_horizon(see
         assert np.hypot(*(p[:, None] + np.outer(theirs - mine, t))).min() > R - 1e-6
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 @given(SEED)
 def test_two_that_keep_their_braking_lines_can_always_stop(seed: int) -> None:
     rng = np.random.default_rng(seed)

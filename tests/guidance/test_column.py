@@ -21,7 +21,7 @@ def circle(radius: float = 40.0, turns: float = 2.0) -> Floats:
     return np.column_stack([p, np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(p, axis=0).T))])])
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.floats(1.0, 480.0), st.floats(-3.0, 3.0), st.floats(-4.0, 4.0))
 def test_the_arc_length_is_that_of_the_angle(s: float, aside: float, off: float) -> None:
     trail, R = circle(), 40.0

@@ -58,7 +58,7 @@ def test_anchor_points(distance: float, speed: float) -> None:
     assert zone_speed(distance, 3.0, 2.0, 2.5) == pytest.approx(speed, abs=1e-12)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.floats(0.5, 20.0), st.floats(0.0, 5.0), st.floats(0.0, 5.0))
 def test_continuous_and_within_its_range(R_d: float, v_target: float, more: float) -> None:
     v_most = v_target + more

@@ -10,7 +10,7 @@ from outrider.errors import ConfigError, UsageError
 from outrider.guidance.neighbours import NOBODY, Cells
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 40), st.floats(0.5, 30.0), st.floats(0.5, 20.0))
 def test_the_nearest_are_those_of_a_tree(seed: int, n: int, reach: float, side: float) -> None:
     p = np.random.default_rng(seed).uniform(-25.0, 25.0, (n, 2))

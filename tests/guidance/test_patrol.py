@@ -5,7 +5,7 @@ from itertools import permutations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from outrider.data.alerts import Alert, AlertState
@@ -118,7 +118,6 @@ def test_every_order_taken_ends_exactly_once(run: list[Inputs]) -> None:
         assert (m.order is not None) == (m.duty in (Duty.RESPOND, Duty.OBSERVE)) and 0 <= m.stop < 3
 
 
-@settings(deadline=None)  # SciPy is slow to import
 @given(st.integers(1, 4), st.integers(1, 4), st.integers(0, 10_000))
 def test_assignments_are_the_best_of_all(robots: int, alerts: int, seed: int) -> None:
     rng = np.random.default_rng(seed)

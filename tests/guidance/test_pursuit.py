@@ -37,7 +37,7 @@ def test_predicts_over_the_age_of_what_it_knows() -> None:
     np.testing.assert_allclose(old, now, atol=1e-12)
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 @given(st.integers(0, 10**6))
 def test_keeps_its_speed_and_turns_with_the_world(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -49,7 +49,7 @@ def test_keeps_its_speed_and_turns_with_the_world(seed: int) -> None:
     np.testing.assert_allclose(pursued(R @ p, np.r_[R @ q, R @ w], 4.0, LAW), R @ u, atol=1e-9)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.floats(0.1, 2.0), st.floats(0.2, 5.0), st.floats(0.0, 100.0))
 def test_closing_can_be_braked_and_is_odd(gain: float, brake: float, error: float) -> None:
     c = closing_speed(error, gain, brake)

@@ -170,7 +170,7 @@ def test_a_scenario_lists_alerts_and_a_wrong_one_is_named() -> None:
         agenda([AlertSection(at=[1.0, 2.0]), AlertSection()], start=START)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(st.binary(max_size=60).filter(lambda b: b"\n" not in b), max_size=6), st.integers(1, 50))
 def test_no_bytes_stop_it_and_pieces_of_any_size_read_the_same(tmp_path_factory, said: list[bytes], size: int) -> None:
     path: Path = tmp_path_factory.mktemp("bytes") / "alerts.jsonl"

@@ -71,7 +71,7 @@ def test_transparency():
     assert meaning([0, 90, 30]) == 100  # 40 on average
 
 
-@settings(derandomize=True, deadline=None, max_examples=40)
+@settings(derandomize=True, max_examples=40)
 @given(seed=st.integers(0, 10**6), rows=st.integers(1, 9), cols=st.integers(1, 9))
 @pytest.mark.parametrize("dialect", Dialect)
 @pytest.mark.parametrize("mode", ["trinary", "scale", "raw"])

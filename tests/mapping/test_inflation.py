@@ -66,7 +66,7 @@ def test_equals_scipy_on_a_large_map(into_unknown):
     assert (inflated(cells, inflation) == by_scipy(cells, inflation)).all()
 
 
-@settings(derandomize=True, deadline=None, max_examples=25)
+@settings(derandomize=True, max_examples=25)
 @given(
     seed=st.integers(0, 10**6), rows=st.integers(1, 24), cols=st.integers(1, 24), share=st.floats(0.0, 0.4),
     radius=st.floats(0.0, 0.6), inscribed=st.floats(0.0, 1.0), factor=st.floats(0.0, 12.0),
@@ -80,7 +80,7 @@ def test_equals_scipy(seed, rows, cols, share, radius, inscribed, factor):
         assert (inflated(cells, inflation) == cells).all()
 
 
-@settings(derandomize=True, deadline=None, max_examples=20)
+@settings(derandomize=True, max_examples=20)
 @given(seed=st.integers(0, 10**6), box=st.tuples(*[st.integers(0, 30)] * 4), radius=st.floats(0.0, 0.5))
 def test_a_window_equals_the_whole(seed, box, radius):
     cells = scattered(seed, (30, 30), 0.03)

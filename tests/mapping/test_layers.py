@@ -109,7 +109,7 @@ def test_zones_bar_also_unknown_ground_and_are_needed_where_promised():
     assert (layered(zones_needed=True).costmap.cells == LETHAL).all()
 
 
-@settings(derandomize=True, deadline=None, max_examples=12)
+@settings(derandomize=True, max_examples=12)
 @given(seed=st.integers(0, 10**6), window=st.sampled_from([None, 1.2, 2.0]))
 def test_an_update_equals_a_rebuild(seed, window):
     """Everything moves at random: the robot, the others, what the lidar sees."""
@@ -130,7 +130,7 @@ def test_an_update_equals_a_rebuild(seed, window):
         assert (told == layers.costmap.cells).all()
 
 
-@settings(derandomize=True, deadline=None, max_examples=10)
+@settings(derandomize=True, max_examples=10)
 @given(seed=st.integers(0, 10**6), x=st.floats(-1.5, 3.5), y=st.floats(1.5, 5.5))
 def test_a_window_shows_what_the_whole_map_shows(seed, x, y):
     """Cost comes in over the window's edges from what stands beyond them."""

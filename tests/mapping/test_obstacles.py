@@ -77,7 +77,7 @@ def test_a_beam_that_tells_nothing_does_nothing(value):
     assert (cells == UNKNOWN).all()
 
 
-@settings(derandomize=True, deadline=None, max_examples=60)
+@settings(derandomize=True, max_examples=60)
 @given(
     x=st.floats(-1.0, 3.1), y=st.floats(-1.0, 3.1), heading=st.floats(-3.2, 3.2), length=st.floats(0.01, 4.0),
     hits=st.booleans(),

@@ -33,7 +33,7 @@ def costmap(cells, resolution=0.1):
 
 
 @pytest.mark.parametrize("name", SHAPES)
-@settings(derandomize=True, deadline=None, max_examples=40)
+@settings(derandomize=True, max_examples=40)
 @given(**POSES, bx=st.floats(0.0, 2.0), by=st.floats(0.0, 2.0), side=st.sampled_from([0.0, 0.05, 0.4]))
 def test_touches_is_what_shapely_says(name, x, y, heading, bx, by, side):
     shape, radius = body(SHAPES[name], (x, y, heading))
@@ -44,7 +44,7 @@ def test_touches_is_what_shapely_says(name, x, y, heading, bx, by, side):
 
 
 @pytest.mark.parametrize("name", SHAPES)
-@settings(derandomize=True, deadline=None, max_examples=25)
+@settings(derandomize=True, max_examples=25)
 @given(**POSES, seed=st.integers(0, 10**6))
 def test_stands_where_no_taken_cell_is_covered(name, x, y, heading, seed):
     cells = np.where(np.random.default_rng(seed).random((22, 22)) < 0.02, LETHAL, 0).astype(np.uint8)
@@ -61,7 +61,7 @@ def test_stands_where_no_taken_cell_is_covered(name, x, y, heading, seed):
         assert gaps[tuple(cell.tolist())] < 0.0
 
 
-@settings(derandomize=True, deadline=None, max_examples=40)
+@settings(derandomize=True, max_examples=40)
 @given(x=st.floats(1.5, 3.0), y=st.floats(1.5, 3.0), heading=st.floats(-3.2, 3.2), seed=st.integers(0, 10**6))
 def test_low_cost_answers_as_the_whole_check_does(x, y, heading, seed):
     cells = np.where(np.random.default_rng(seed).random((45, 45)) < 0.002, LETHAL, 0).astype(np.uint8)

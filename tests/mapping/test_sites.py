@@ -36,7 +36,7 @@ def star(seed, corners, reach=9.0):
     return 10.0 + (rng.uniform(1.0, reach, corners) * np.array([np.cos(angles), np.sin(angles)])).T
 
 
-@settings(derandomize=True, deadline=None, max_examples=25)
+@settings(derandomize=True, max_examples=25)
 @given(seed=st.integers(0, 10**6), corners=st.integers(3, 9), shift=st.floats(-12.0, 12.0))
 def test_cells_of_a_polygon_are_those_that_shapely_names(seed, corners, shift):
     """Also where it sticks out of the grid."""
@@ -154,7 +154,7 @@ def test_areas_without_a_sense_are_named(fault, said):
     assert "building 'hall'" in str(e.value)
 
 
-@settings(derandomize=True, deadline=None, max_examples=150)
+@settings(derandomize=True, max_examples=150)
 @given(seed=st.integers(0, 10**6), corners=st.integers(4, 8))
 def test_a_polygon_is_refused_where_shapely_calls_it_invalid(seed, corners):
     ring = np.random.default_rng(seed).uniform(0.0, 10.0, (corners, 2))
@@ -194,7 +194,7 @@ def test_docks_and_widths_are_inside_the_map():
     assert LineString(road.points).buffer(3.0, cap_style="flat").within(box(*low, *high))
 
 
-@settings(derandomize=True, deadline=None, max_examples=40)
+@settings(derandomize=True, max_examples=40)
 @given(seed=st.integers(0, 10**6), scale=st.floats(0.01, 2.0), heading=st.floats(-3.1, 3.1), n=st.integers(2, 8))
 def test_control_points_give_back_the_similarity(seed, scale, heading, n):
     rng = np.random.default_rng(seed)

@@ -177,7 +177,7 @@ def test_the_filter_is_the_kalman_filter_of_the_book() -> None:
 
 
 @given(st.lists(st.tuples(st.floats(-5, 5), st.floats(-5, 5)), min_size=0, max_size=6), st.integers(0, 2**31))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_everybody_keeps_his_track(places: list[tuple[float, float]], seed: int) -> None:
     """Whoever is further from all others than the gate is wide is never taken for another."""
     rng = np.random.default_rng(seed)

@@ -40,7 +40,7 @@ def test_quarter_turns_lose_nothing(quarters: int) -> None:
 
 
 @given(heading=angles, seed=st.integers(0, 9))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_a_cell_is_the_fullest_of_what_it_overlaps(heading: float, seed: int) -> None:
     """Polygons of shapely decide what overlaps; slivers are left to rounding."""
     grid, c, s = drawn(seed, 4, 5), np.cos(heading), np.sin(heading)
@@ -64,7 +64,7 @@ def test_a_cell_is_the_fullest_of_what_it_overlaps(heading: float, seed: int) ->
 
 
 @given(heading=angles, seed=st.integers(0, 50))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_there_and_back_keeps_everything_taken_and_grows_it_by_two_cells_at_the_most(heading: float, seed: int) -> None:
     grid = drawn(seed)
     there = levelled(grid, heading)

@@ -33,7 +33,7 @@ def van_loan(tau: float, a: float, w: float, dt: float):
     return expm(A * dt), expm(A * dt) @ expm(M * dt)[:3, 3:]
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(tau=st.floats(0.05, 20.0), share=st.floats(0.01, 3.0), a=st.floats(0.0, 2.0), w=st.floats(0.0, 1.0))
 def test_the_lag_is_solved_exactly(tau, share, a, w):
     dt = share * tau
@@ -58,7 +58,7 @@ def test_the_mean_is_the_closed_solution():
     np.testing.assert_allclose(other, x, rtol=0, atol=1e-12)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(dt=st.floats(0.01, 3.0), share=st.floats(0.05, 0.95), tau=st.sampled_from([0.2, 0.5, 2.0, CONSTANT_VELOCITY]))
 def test_two_short_steps_are_one_long_one(dt, share, tau):
     model = FollowerModel(lag=tau, lag_z=tau, acceleration=0.4, acceleration_z=0.2, wind=0.1, wind_z=0.05)

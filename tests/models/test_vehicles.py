@@ -31,7 +31,7 @@ SLOPE = np.array([[0.08, -0.05, 0.0, 0.0, 0.0]])
 P, Q, V = slice(ROW_P, ROW_P + 3), slice(ROW_Q, ROW_Q + 4), slice(ROW_V, ROW_V + 3)
 W, F = slice(ROW_W, ROW_W + 3), slice(ROW_F, ROW_F + 3)
 UP = np.array([0.0, 0.0, 1.0])
-few = settings(max_examples=15, deadline=None, suppress_health_check=list(HealthCheck))
+few = settings(max_examples=15, suppress_health_check=list(HealthCheck))
 each = pytest.mark.parametrize("name", VEHICLES)
 
 

@@ -46,7 +46,7 @@ def test_velocity_answers_in_first_order_like_the_estimators_model(tau):
     np.testing.assert_allclose(rows[:, 3:], u * (1.0 - np.exp(-t / tau)), atol=1e-12)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(u=st.tuples(*[st.floats(-40.0, 40.0)] * 3, st.floats(-9.0, 9.0)), turn=st.booleans())
 def test_limits_hold(u, turn):
     drone = Multirotor(sink=1.0)

@@ -22,7 +22,6 @@ def slew(gimbal: Gimbal, u: Floats, x: Floats | None = None) -> Floats:
     return out
 
 
-@settings(deadline=None)
 @given(yaw=st.floats(-3.0, 3.0), down=st.floats(-1.2, 1.5))
 def test_point_looks_along_the_direction(yaw, down):
     direction = np.array([np.cos(yaw) * np.cos(down), np.sin(yaw) * np.cos(down), -np.sin(down)])
@@ -31,7 +30,6 @@ def test_point_looks_along_the_direction(yaw, down):
     np.testing.assert_allclose(Gimbal().camera(angles) @ AHEAD, direction, atol=1e-12)
 
 
-@settings(deadline=None)
 @given(roll=angle, pitch=angle, yaw=st.floats(-3.0, 3.0), heading=st.floats(-3.0, 3.0), down=st.floats(-0.3, 1.3))
 def test_three_axes_hold_the_horizon(roll, pitch, yaw, heading, down):
     q = rpy_to_quats([roll, pitch, yaw])
@@ -54,7 +52,7 @@ def test_the_chain_of_frames_is_yaw_roll_pitch_mount():
     assert gimbal.camera(np.zeros((5, 3))).shape == (5, 3, 3)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seed=st.integers(0, 999), cut=st.integers(1, 99))
 def test_rate_and_range_hold_and_pieces_are_the_whole(seed, cut):
     gimbal = Gimbal.two_axes()

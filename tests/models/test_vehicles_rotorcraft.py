@@ -123,7 +123,7 @@ def test_its_answer_is_that_of_a_first_order_lag():
     assert abs(v[-1] - 1.0) < 0.05
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(seed=st.integers(0, 999))
 def test_rotor_speeds_stay_within_their_limits(seed):
     u = np.repeat(np.random.default_rng(seed).normal(0.0, 20.0, (6, 4)), 100, axis=0)

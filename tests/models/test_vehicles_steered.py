@@ -38,7 +38,7 @@ def test_turning_radius_is_wheel_base_over_tangent(angle, v):
 
 
 @pytest.mark.parametrize("car", [CAR, BOTH], ids=["front", "both"])
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(u=st.tuples(st.floats(-1.0, 1.0), st.floats(-0.3, 0.3), st.floats(-1.0, 1.0)))
 def test_no_wheel_slides_sideways(car, u):
     """At every wheel the ground's velocity is the rim speed along the wheel, whatever the command."""
@@ -63,7 +63,7 @@ def test_four_wheel_steering_reaches_any_twist_within_its_limits():
 
 
 @pytest.mark.parametrize("car", [CAR, BOTH], ids=["front", "both"])
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(seed=st.integers(0, 999))
 def test_limits_of_steering_and_motor_hold(car, seed):
     rng = np.random.default_rng(seed)

@@ -30,7 +30,6 @@ twists = st.tuples(*[st.floats(-3.0, 3.0)] * 3).map(np.array)
 
 
 @patterns
-@settings(deadline=None)
 @given(twist=twists)
 def test_forward_undoes_inverse(wheels, twist):
     k = WheelKinematics(wheels)
@@ -108,7 +107,7 @@ def test_the_answer_is_first_order_in_the_lag():
     np.testing.assert_allclose(out[:, ROW_F], 0.5 / 0.2 * np.exp(-t / 0.2), atol=5e-4)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(u=st.tuples(*[st.floats(-20.0, 20.0)] * 3), which=st.sampled_from(["x", "eight, alternating", "differential"]))
 def test_motors_are_never_asked_for_more_than_they_give(u, which):
     drive = Drive(max_rpm=3000.0, acceleration=1.5)
@@ -142,7 +141,7 @@ def test_a_differential_base_does_not_slide_sideways():
     np.testing.assert_array_equal(go(Differential(), (0.5, 0.3, 0.0), 2.0), go(Differential(), (0.5, 0.0, 0.0), 2.0))
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(a=st.floats(0.0, 0.9), b=st.floats(0.0, 0.9))
 def test_slip_slows_by_what_is_stated(a, b):
     ground = np.array([[0.0] * 5, [0.0, 0.0, 100.0, a, b]])

@@ -65,7 +65,7 @@ def test_known_lengths(text: str, cutting: bool, length: float, options: dict) -
     assert path.cost == pytest.approx(length, abs=1e-12)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(problems())
 def test_cheapest_by_scipy_and_never_through_a_wall(problem: tuple) -> None:
     grid, start, goal = problem

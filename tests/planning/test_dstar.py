@@ -13,7 +13,7 @@ from outrider.planning.dstar import DStarLite
 from outrider.planning.traversal import Traversal
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.integers(0, 2**32 - 1), st.booleans(), st.integers(4, 18))
 def test_as_cheap_as_a_star_after_every_change(seed: int, cutting: bool, side: int) -> None:
     rng = np.random.default_rng(seed)

@@ -108,7 +108,7 @@ def met(limits: DriveLimits, speed: float, man: Floats, seconds: float = 8.0) ->
 
 @pytest.mark.parametrize("name", ["differential", "mecanum"])
 @given(ahead=st.floats(3.0, 5.0), late=st.floats(-1.0, 1.0), left=st.booleans())
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 def test_who_crosses_is_not_touched(name: str, ahead: float, late: float, left: bool) -> None:
     """At 1.4 m/s, at the place where the robot would be within a second."""
     limits = {"differential": DIFFERENTIAL, "mecanum": MECANUM}[name]
@@ -170,7 +170,7 @@ def test_who_catches_up_at_the_goal_is_let_past_beside_it(behind: float, aside: 
     ),
     u=st.floats(-0.3, 0.8),
 )
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_giving_way_keeps_the_limits_of_the_base(people: list[tuple[float, ...]], u: float) -> None:
     discs = np.array([[x, y, 0.3, vx, vy] for x, y, vx, vy in people])
     now = Situation(time=0.0, pose=np.zeros(3), twist=np.array([u, 0.0, 0.0]), goal=np.array([9.0, 0.0, 0.0]),

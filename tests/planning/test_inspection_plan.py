@@ -59,7 +59,7 @@ def test_sight_ends_at_walls_at_far_and_at_a_slant():
 
 
 @given(st.integers(0, 10_000))
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 def test_a_way_is_free_where_every_point_of_it_is(seed):
     rng = np.random.default_rng(seed)
     table = np.array([BOX])
@@ -75,7 +75,7 @@ def test_a_way_is_free_where_every_point_of_it_is(seed):
 
 
 @given(st.integers(0, 10_000))
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 def test_two_opt_keeps_the_places_and_the_first_and_ends_near_the_best(seed):
     p = np.random.default_rng(seed).uniform(0, 10, (6, 2))
     way = np.linalg.norm(p[:, None] - p[None], axis=2)

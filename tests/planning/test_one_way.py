@@ -48,7 +48,7 @@ def directed(m: Costmap) -> nx.DiGraph:
 
 
 @pytest.mark.compiled
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(0, 2**32 - 1))
 def test_no_lawful_way_is_cheaper(seed: int) -> None:
     rng = np.random.default_rng(seed)

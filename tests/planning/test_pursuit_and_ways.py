@@ -154,7 +154,7 @@ def test_one_point_stands_for_every_square_of_the_map(rng: np.random.Generator) 
 
 
 @given(goal=st.tuples(st.floats(-5.0, 5.0), st.floats(-5.0, 5.0), st.floats(-3.0, 3.0)))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_dubins_arrives_and_bends_no_more_than_its_radius(goal: tuple[float, float, float]) -> None:
     z = dubins(np.zeros(3), np.array(goal), 1.2, 0.05)
     np.testing.assert_allclose(z[-1, :2], goal[:2], atol=1e-6)

@@ -33,7 +33,7 @@ def test_no_way_is_longer_than_ompls() -> None:
 
 
 @given(start=somewhere, goal=somewhere, back=st.floats(1.0, 4.0), cusp=st.floats(0.0, 3.0))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_it_arrives_and_bends_no_more_than_its_radius(start, goal, back: float, cusp: float) -> None:
     pieces = reeds_shepp(np.array(start), np.array(goal), RADIUS, back=back, cusp=cusp)
     z = driven(np.array(start), pieces, 0.05)

@@ -28,7 +28,7 @@ def taken_by(grid, points: np.ndarray) -> float:
 coordinates = st.tuples(*[st.floats(0.01, 7.99)] * 4)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(coordinates, st.integers(0, 2**32 - 1))
 def test_cost_of_a_line_is_its_lengths_in_the_cells_times_their_weights(ends: tuple, seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -51,7 +51,7 @@ def test_sight_past_corners(text: str, seen: bool, seen_cutting: bool) -> None:
         assert np.isfinite(cost) == expected
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(problems())
 def test_never_longer_nor_dearer_nor_through_anything(problem: tuple) -> None:
     grid, start, goal = problem

@@ -28,7 +28,7 @@ def network(rng: np.random.Generator, n: int, m: int) -> RouteGraph:
     )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(0, 2**32 - 1), st.integers(2, 12), st.integers(0, 40))
 def test_quickest_as_networkx_has_it(seed: int, n: int, m: int) -> None:
     graph = network(np.random.default_rng(seed), n, m)

@@ -41,7 +41,7 @@ def test_ellipses_spread_along_the_path_not_over_the_stop() -> None:
     assert ellipse_rows(np.full((3, 3), np.nan)).size == 0
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(st.integers(1, 5000), st.integers(3, 900), st.integers(0, 99))
 def test_thinning_keeps_ends_and_extremes(n: int, limit: int, seed: int) -> None:
     y = np.random.default_rng(seed).normal(size=n)
@@ -53,7 +53,7 @@ def test_thinning_keeps_ends_and_extremes(n: int, limit: int, seed: int) -> None
         assert np.nanmax(y[rows]) == np.nanmax(y) and np.nanmin(y[rows]) == np.nanmin(y)
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(st.floats(-1.2, 1.2), st.floats(-1.2, 1.2), st.floats(-3.0, 3.0), st.integers(0, 99))
 def test_yaw_deviation_agrees_with_samples(roll: float, pitch: float, yaw: float, seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -75,7 +75,7 @@ def wall(distance: float) -> np.ndarray:
 
 
 @given(want=twist, last=twist, dt=st.floats(0.01, 0.2))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 def test_commands_within_limits_and_changes_within_theirs(want: np.ndarray, last: np.ndarray, dt: float) -> None:
     for limits in (MECANUM, CAR):
         a, b = saturated(want, limits), saturated(last, limits)
@@ -88,7 +88,7 @@ def test_commands_within_limits_and_changes_within_theirs(want: np.ndarray, last
 
 
 @given(want=twist)
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_saturation_keeps_the_direction(want: np.ndarray) -> None:
     out = saturated(want, MECANUM)
     np.testing.assert_allclose(np.cross(out, want), 0.0, atol=1e-9)
@@ -96,7 +96,7 @@ def test_saturation_keeps_the_direction(want: np.ndarray) -> None:
 
 
 @given(pose=st.tuples(*(st.floats(-3.0, 3.0),) * 3).map(np.array), u=twist, reaction=st.floats(0.0, 0.3))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_the_way_to_rest_is_the_integral_of_the_twist(pose: np.ndarray, u: np.ndarray, reaction: float) -> None:
     u = saturated(u, MECANUM)
     z = braking(pose, u, MECANUM, reaction)
@@ -215,7 +215,7 @@ def test_approach_keeps_what_the_brakes_can_do_and_never_touches() -> None:
 
 
 @given(soon=st.floats(0.0, 5.0), rest=st.floats(0.0, 5.0), reaction=st.floats(0.01, 1.0))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_what_can_be_braked_is_the_root_of_its_equation(soon: float, rest: float, reaction: float) -> None:
     s = brakeable(soon, rest, reaction)
     assert 0.0 <= s <= 1.0
@@ -289,7 +289,7 @@ def test_returns_of_a_mounted_lidar() -> None:
     px=st.floats(-4.0, 4.0),
     r=st.floats(0.0, 1.0),
 )
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_room_is_the_distance_that_shapely_measures(x: float, y: float, h: float, px: float, r: float) -> None:
     shape = translate(rotate(Polygon(BOX.outline), h, origin=(0, 0), use_radians=True), x, y)
     discs = np.array([[px, 0.7, r, 0.0, 0.0]])

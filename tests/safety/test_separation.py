@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from outrider.errors import ConfigError
 from outrider.safety.separation import Hold, Separation, brake, kept_apart, largest_approach, lowest
 
-SMALL = settings(max_examples=60, deadline=None)
+SMALL = settings(max_examples=60)
 LIKE = Separation(distance=3.0, period_s=0.1, lag_s=1.0, acceleration=5.0, speed=2.5, other_lag_s=1.0)
 
 

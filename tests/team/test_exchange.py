@@ -78,7 +78,7 @@ def test_a_telegram_reads_as_it_was_written_and_knows_its_size() -> None:
     assert one.post(two.name, telegram).size == 32 + 8 * row.size == one.sent
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(cut=st.integers(0, 60), at=st.integers(0, 150), value=st.sampled_from([np.nan, -1.0, 1e9, 0.5]))
 def test_a_damaged_row_is_refused_and_changes_nothing(cut: int, at: int, value: float) -> None:
     _, (one, two) = ends()

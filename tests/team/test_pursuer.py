@@ -4,7 +4,7 @@ from math import isnan, nan
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from outrider.core.bezier import bezier
@@ -56,7 +56,6 @@ def test_a_stamp_survives_floats(t: int) -> None:
     assert stamped(stamp(t)) == t
 
 
-@settings(deadline=None)
 @given(st.floats(-5.0, 5.0), st.floats(0.0, 0.4), st.floats(0.0, 0.4))
 def test_a_clock_is_never_said_to_be_off_by_more_than_it_is(off: float, there: float, back: float) -> None:
     """Question and answer may take different times: half of the exchange is what cannot be told."""

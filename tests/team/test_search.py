@@ -50,7 +50,7 @@ def test_a_target_that_sank_is_not_below_the_ground() -> None:
     assert track((1.0, 0.0, -1.5), silent_s=20.0).now[2] == 0.0
 
 
-@settings(deadline=None, max_examples=10)
+@settings(max_examples=10)
 @given(st.floats(-1.0, 1.0), st.floats(4.5, 8.0), st.floats(6.0, 20.0))
 def test_whoever_searches_gets_over_it_and_near_no_point_of_it(aside: float, behind: float, silent: float) -> None:
     """Flown without lag: from behind it climbs over the track, and all between its ends is kept clear of."""

@@ -42,7 +42,7 @@ def wary(things: list[tuple[float, float, float]], drawn: list[tuple[float, floa
     return sight.surroundings(0.2, np.zeros(2), np.empty((0, 5))).wary
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(bearing=st.floats(-3.1, 3.1), far=st.floats(1.5, 5.0))
 def test_what_stands_alone_may_set_off(bearing: float, far: float) -> None:
     x, y = far * np.cos(bearing), far * np.sin(bearing)

@@ -219,7 +219,7 @@ def test_it_tells_what_becomes_of_an_alert_with_robot_and_way() -> None:
 
 
 @given(seed=st.integers(0, 1000), weight=st.sampled_from([0.0, 3.0]))
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 def test_costs_of_ways_are_those_of_an_exact_search(seed: int, weight: float) -> None:
     rng = np.random.default_rng(seed)
     cells = np.where(rng.random((30, 40)) < 0.25, LETHAL, rng.integers(0, 200, (30, 40))).astype(np.uint8)

@@ -44,7 +44,7 @@ def test_beacons_in_line_tell_no_place() -> None:
     assert "no-position" in {f.code for f in run.findings}
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(x=st.floats(-60.0, 60.0), y=st.floats(-60.0, 60.0))
 def test_exact_ranges_give_the_exact_place(x: float, y: float) -> None:
     p = np.array([x, y])
