@@ -52,8 +52,9 @@ def table(
         rows = {(r.source, r.what): r for r in find(log)}
         for key, x in true.items():
             of = seen.setdefault(key, [])
-            if rows[key].found:
-                of.append((rows[key].value - x, rows[key].half))
+            row = rows.get(key)  # none in a log that hardly moves
+            if row is not None and row.found:
+                of.append((row.value - x, row.half))
     out = []
     for (source, what), pairs in seen.items():
         e, half = np.array(pairs).reshape(-1, 2).T
