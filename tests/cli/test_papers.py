@@ -8,6 +8,7 @@ import pytest
 
 from outrider.campaign.papers import Paper, Row, Table, Work
 from outrider.cli.papers import print_papers
+from outrider.io.trials import MARKER, TrialStore
 
 
 def test_text(outrider: Any, tmp_path: Path) -> None:
@@ -87,6 +88,17 @@ def test_an_interruption_says_what_is_kept(outrider: Any, tmp_path: Path, monkey
     done = outrider("papers", "toy", "--trials", "kept", "--workers", 3, "--seeds", 7, "-o", "out")
     assert done.code == 130 and done.err == "outrider: interrupted, 3 of 14 trials are kept in kept/drift\n"
     assert done.out == "" and list(tmp_path.iterdir()) == []
+
+
+def test_trials_of_another_program_are_refused_before_anything_runs(outrider: Any, tmp_path: Path) -> None:
+    store = tmp_path / "kept" / "drives"
+    with TrialStore(store, {"trial": "a:b", "cases": [{}], "code": {"outrider": "0.0.1 old", "trial": "c"}}):
+        pass
+    before = (store / MARKER).read_bytes()
+    done = outrider("papers", "swarm2023", "--trials", "kept", "--seeds", 1)
+    assert done.code == 2 and done.out == "" and len(done.err.splitlines()) == 1
+    assert 'kept/drives: holds trials of another configuration: code.outrider: "0.0.1 old" in the folder' in done.err
+    assert (store / MARKER).read_bytes() == before
 
 
 def test_text_of_seeds_and_pairs(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:

@@ -21,7 +21,7 @@ import outrider
 from outrider.campaign.pool import LOST, Record, Task, find, here, in_processes
 from outrider.errors import UsageError
 from outrider.io.folders import plain
-from outrider.io.trials import TrialStore
+from outrider.io.trials import MARKER, TrialStore, read_trials
 from outrider.typing import Floats
 
 Params: TypeAlias = Mapping[str, object]
@@ -204,13 +204,20 @@ def _code(trial: Trial) -> dict[str, str]:
     """What the rows were computed with: results of different programs never mix."""
     source = inspect.getsourcefile(trial)
     own = hashlib.blake2s(Path(source).read_bytes() if source else b"", digest_size=8).hexdigest()
-    return {"outrider": f"{outrider.__version__} {_package_digest()}", "trial": own}
+    return {"outrider": _program(), "trial": own}
+
+
+def require_same_program(folder: Path) -> None:
+    """Raises `ConfigError` if another program computed rows of one of the stores in a folder."""
+    for store in sorted(marker.parent for marker in folder.glob(f"*/{MARKER}")):
+        told = read_trials(store).configuration
+        TrialStore(store, {**told, "code": {**told.get("code", {}), "outrider": _program()}}, resume=True)
 
 
 @cache
-def _package_digest() -> str:
+def _program() -> str:
     digest = hashlib.blake2s(digest_size=8)
     root = Path(outrider.__file__).parent
     for path in sorted(root.rglob("*.py")):
         digest.update(str(path.relative_to(root)).encode() + b"\0" + path.read_bytes())
-    return digest.hexdigest()
+    return f"{outrider.__version__} {digest.hexdigest()}"

@@ -37,11 +37,14 @@ def print_papers(
     _check(form, FORMATS)
     from outrider.campaign.papers import Work, find_paper, make_document, paper_names, write_folder
     from outrider.campaign.papers.document import PAGE, ensure_free
+    from outrider.campaign.trials import require_same_program
     from outrider.cli.progress import Progress
 
     papers = [find_paper(n) for n in ([name] if name else paper_names())]
     if output is not None:
         ensure_free(output, force=force)
+    if trials is not None:
+        require_same_program(trials)
     with Progress(quiet=quiet) as progress:
         cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
         work = Work(seeds=seeds, workers=cores if workers is None else workers, trials=trials, progress=progress)

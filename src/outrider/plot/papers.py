@@ -27,10 +27,17 @@ from outrider.plot.style import (
 from outrider.plot.tables import number
 from outrider.typing import Bools, Floats
 
-TONES = {"agrees": "good", "differs": "warning", "few": "plain", "open": "plain", "unprinted": "info"}
+TONES = {
+    "agrees": "good",
+    "differs": "warning",
+    "few": "plain",
+    "never": "warning",
+    "open": "plain",
+    "unprinted": "info",
+}
 WORDS = {
-    "agrees": "agrees", "differs": "differs", "few": "too few seeds", "open": "not simulated yet",
-    "unprinted": "not printed",
+    "agrees": "agrees", "differs": "differs", "few": "too few seeds", "never": "never in ours",
+    "open": "not simulated yet", "unprinted": "not printed",
 }  # fmt: skip
 PLURAL = {**WORDS, "agrees": "agree", "differs": "differ"}
 ROW = 0.21  # inches for one value

@@ -32,6 +32,7 @@ class Verdict(Enum):
     DIFFERS = "differs from what is printed"
     FEW = "too few seeds for a verdict"
     OPEN = "not simulated yet"
+    NEVER = "never came about in ours"
     UNPRINTED = "the paper prints no such value"
 
 
@@ -84,8 +85,10 @@ class Row:
         """Whether the mean of ours lies in the band; nothing is said of fewer than `FEWEST` seeds."""
         if not self.printed:
             return Verdict.UNPRINTED if self.ours is not None else Verdict.OPEN
-        if self.ours is None or not isfinite(self.ours.mean):
+        if self.ours is None:
             return Verdict.OPEN
+        if not isfinite(self.ours.mean):
+            return Verdict.NEVER
         if 0 < self.ours.n < FEWEST:  # 0: it follows from other numbers
             return Verdict.FEW
         low, high = self.band
@@ -133,7 +136,7 @@ class Table:
         parts += [f"what differs: {differ}"] if differ else []
         few = count[Verdict.FEW]
         parts += [f"{few} without a verdict: it takes {FEWEST} seeds or more"] if few else []
-        parts += [f"{count[Verdict.OPEN]} not simulated yet"] if count[Verdict.OPEN] else []
+        parts += [f"{count[v]} {v.value}" for v in (Verdict.NEVER, Verdict.OPEN) if count[v]]
         return "; ".join(parts)
 
 
