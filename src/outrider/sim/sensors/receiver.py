@@ -136,9 +136,11 @@ class GnssReceiver:
             kept = (fix != Fix.NONE.value) | null  # without a solution a receiver is silent
             extra = {"fix": fix, "satellites": seen, "hdop": 0.6 + 4.0 / np.maximum(seen, 1), "hacc": told}
             extra["vacc"] = 1.6 * told
-            options = {"frame": self.name, "latency_s": self.latency_s, "altitude": Altitude.ELLIPSOID}
             columns = {name: np.asarray(column, np.float64) for name, column in extra.items()}
-            made = record(self, Kind.GNSS, here, z, np.zeros(3), extra=columns, **options)
+            made = record(
+                self, Kind.GNSS, here, z, np.zeros(3), frame=self.name, latency_s=self.latency_s,
+                altitude=Altitude.ELLIPSOID, extra=columns,
+            )  # fmt: skip
             made.var[:] = np.where(null[:, None], 0.0, (told[:, None] * VERTICAL) ** 2)
             return made.select(kept)
 
