@@ -90,8 +90,9 @@ def evidence_figure(e: Evidence) -> Figure:
     mark(ax, e)
     if e.square:
         ax.set_aspect("equal", adjustable="box", anchor="W")
-        ax.set_xticks(range(-180, 181, 90))
-        ax.set_yticks(range(-180, 181, 90))
+        if e.x_label.endswith("[deg]"):
+            ax.set_xticks(range(-180, 181, 90))
+            ax.set_yticks(range(-180, 181, 90))
     if e.names:
         ax.set_xticks(range(len(e.names)), [label(n) for n in e.names])
     ax.set_xlabel(label(e.x_label))

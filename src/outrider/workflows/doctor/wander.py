@@ -181,7 +181,7 @@ def told(found: Whole, wheels: str, receiver: str) -> Finding | None:
         x_label="east [m]", y_label="north [m]", square=True,
         curves=(
             Curve(x=found.met.real, y=found.met.imag, name=receiver, drawn=POINTS),
-            Curve(x=found.reckoned.real, y=found.reckoned.imag, name=f"{wheels} and gyro, times {found.scale:.3f}"),
+            Curve(x=found.reckoned.real, y=found.reckoned.imag, name=f"wheels and gyro, times {found.scale:.3f}"),
         ),
         text="The path by wheels and gyro alone, moved, turned and scaled as a whole to the positions.",
     )  # fmt: skip
