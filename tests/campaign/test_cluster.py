@@ -22,7 +22,7 @@ HERE = str(Path(__file__).parent)
 
 @pytest.fixture(scope="module")
 def address() -> Iterator[str]:
-    options: dict[str, Any] = {"n_workers": 2, "threads_per_worker": 2, "dashboard_address": None, "silence_logs": 60}
+    options: dict[str, Any] = {"n_workers": 2, "threads_per_worker": 2, "dashboard_address": ":0", "silence_logs": 60}
     settings = {"distributed.scheduler.allowed-failures": 1, "distributed.nanny.pre-spawn-environ.PYTHONPATH":
                 ":".join([HERE, *(p for p in sys.path if p)])}  # fmt: skip
     import dask
@@ -54,7 +54,7 @@ def test_a_scheduler_that_goes_away_keeps_what_ended(tmp_path: Path) -> None:
         port = s.getsockname()[1]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join([HERE, *(p for p in sys.path if p)])}
     arguments = {
-        "scheduler": ["--port", str(port), "--no-dashboard"],
+        "scheduler": ["--port", str(port), "--dashboard-address", ":0"],
         "worker": [f"tcp://127.0.0.1:{port}", "--nthreads", "1", "--no-dashboard", "--death-timeout", "60"],
     }
     started = {
