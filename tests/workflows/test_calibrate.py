@@ -16,6 +16,8 @@ from outrider.sim.logs import drone_log, wheeled_log
 from outrider.workflows.bench import Bench
 from outrider.workflows.calibration import Calibration, calibrate
 from outrider.workflows.calibration.calibrate import patient
+from outrider.workflows.calibration.comparison import parameters
+from outrider.workflows.calibration.fit import Fit, fit
 from outrider.workflows.calibration.iron import iron_rows
 from outrider.workflows.calibration.noise import loudness
 from outrider.workflows.calibration.rolling import rolling_rows
@@ -23,7 +25,7 @@ from outrider.workflows.calibration.tune import tune
 from outrider.workflows.config import FuseConfig
 from outrider.workflows.discover import scaled
 from outrider.workflows.fuse import fuse
-from outrider.workflows.parameters import Noise
+from outrider.workflows.parameters import Noise, Parameter, What
 from outrider.workflows.sandwich import sandwich
 from outrider.workflows.settings import load_config
 
@@ -157,6 +159,22 @@ def test_a_receiver_that_boasts_is_tuned_and_an_honest_one_is_left_alone(boast: 
     assert (found.before.nis["gnss"] > 5.0) == (boast > 1.0)
     assert found.after.likelihood > found.before.likelihood
     assert cfg.sources["gnss"].scale == pytest.approx(factors["gnss"], rel=0.01) if "gnss" in factors else True
+
+
+def test_what_was_found_before_makes_the_rest_as_unsure_as_its_errors_move_it() -> None:
+    """By fits whose wheels are stamped otherwise, which is another way than the slopes of one fit."""
+    log, _ = wheeled(3, 50.0)
+    late = 0.02
+
+    def fitted(delay: float, unsure: float) -> Fit:
+        cfg = FuseConfig.model_validate({"sources": {"wheels": {"delay_s": delay}}})
+        bench = Bench(log, cfg, frozen=True)
+        return fit(bench, parameters(bench), held={Parameter(What.DELAY, ("wheels",)): unsure})
+
+    sure, unsure, moved = fitted(0.0, 0.0), fitted(0.0, late), fitted(late, 0.0)
+    for p, x in sure.value.items():
+        added = np.sqrt(unsure.sd[p] ** 2 - sure.sd[p] ** 2)
+        assert abs(added - abs(moved.value[p] - x)) < 0.1 * added + 0.01 * sure.sd[p], p
 
 
 def test_correlated_noise_widens_an_interval() -> None:

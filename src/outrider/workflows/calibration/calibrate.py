@@ -20,6 +20,7 @@ from outrider.workflows.doctor.prescribe import prescribed, starter
 from outrider.workflows.doctor.signals import MOVING, Signal, speed
 from outrider.workflows.findings.say import error
 from outrider.workflows.parameters import WIDEST, What
+from outrider.workflows.sandwich import SURE
 
 SCHEMA: Final = "outrider.calibration/1"
 UNDER_WAY_S: Final = 10.0  # s in motion, at least
@@ -80,7 +81,8 @@ def calibrate(log: EventLog, cfg: FuseConfig, *, noise: bool = False, progress: 
         rows, more = (tuple(iron), ()) if told else ((), (STILL,))
         return Calibration(log=log, rows=rows, config=with_rows(cfg, list(rows)), findings=(*remarks, *more))
     rows = rolling_rows(p, cfg) + iron
-    rows += motion_rows(log, with_rows(cfg, rows), progress or (lambda _, __: None))  # need clocks and mounts that fit
+    clocks = {r.source: r.half / SURE for r in rows if r.what == What.DELAY.value and r.found}
+    rows += motion_rows(log, with_rows(cfg, rows), progress or (lambda _, __: None), clocks)  # clocks and mounts fit
     rows = by_whole_path(rows, p)
     rows = [against_truth(r, rows) for r in rows]
     better, tuned = with_rows(cfg, rows), None

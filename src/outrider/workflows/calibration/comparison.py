@@ -1,6 +1,6 @@
 """Lever arms, delays and scales by the innovations of the whole filter: which of them a log has, and their rows."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, Final
 
@@ -24,22 +24,28 @@ LOUD_S: Final = 75.0  # of the log that do so
 GAINS: Final = {What.SPEED: "speed_gain", What.RATE: "rate_gain"}
 
 
-def motion_rows(log: EventLog, cfg: FuseConfig, progress: Callable[[str, float], None]) -> list[Row]:
-    """Rows of everything that shows in the innovations of positions. A compass beside iron has no say in it."""
+def motion_rows(
+    log: EventLog, cfg: FuseConfig, progress: Callable[[str, float], None], clocks: Mapping[str, float]
+) -> list[Row]:  # fmt: skip
+    """Rows of everything that shows in the innovations of positions. A compass beside iron has no say in it.
+
+    clocks : deviations [s] of the delays that were found before
+    """
     mute = {"sources": {s.name: {"use": "ignore"} for s in log.of(Kind.MAG)}}
     bench = Bench(log, FuseConfig.model_validate(merged(cfg.model_dump(exclude_unset=True), mute)), frozen=True)
     asked = parameters(bench)
     if not asked:
         return []
+    held = {Parameter(What.DELAY, (c.stream,)): clocks[c.stream] for c in bench.channels if c.stream in clocks}
     last = min(bench.aligned.t_start + LOUD_S, log.duration)
     rough = fit(bench, asked, lambda done: progress("calibrating", done), most=ROUGHLY, until=last).value
     louder = loudness(bench, knobs(bench, bench.start + int(0.5 * last * 1e9)), rough, last)
     found = NOT_YET
     smooth = any(louder.get(Noise(name), 1.0) <= SOFTEST for group in bench.receivers() for name in group)
     if not smooth:
-        found = fit(bench.noisy(louder), asked, lambda done: progress("refining", done), start=rough)
+        found = fit(bench.noisy(louder), asked, lambda done: progress("refining", done), start=rough, held=held)
     if not found.settled:  # errors that stay: no noise makes these innovations white, so by what is stated
-        found = fit(bench, asked, lambda done: progress("refining", done))
+        found = fit(bench, asked, lambda done: progress("refining", done), held=held)
     rows = [row(bench, cfg, p, found) for p in asked]
     return rows + ([flat(bench, cfg, group) for group in bench.receivers()] if bench.motion is Motion.PLANAR else [])
 

@@ -54,9 +54,11 @@ class Scene:
 def fit(
     bench: Bench, parameters: Sequence[Parameter], progress: Callable[[float], None] = lambda _: None, *,
     start: Mapping[Parameter, float] | None = None, most: int = MOST_ROUNDS, until: float | None = None,
+    held: Mapping[Parameter, float] | None = None,
 ) -> Fit:  # fmt: skip
     """Fit the parameters together. start : where from, by default from zero and the best of some delays;  most :
-    rounds;  until : s since the first event, the whole log by default."""
+    rounds;  until : s since the first event, the whole log by default;  held : deviations of others that were found
+    before, which are not fitted but make these less sure."""
     prior = np.array([PRIORS[q.what] for q in parameters])
     cost = Cost(bench, parameters, prior, until)
     v, base, scene = swept(cost) if start is None else begun(cost, start)
@@ -85,10 +87,26 @@ def fit(
         else:
             settled = fresh  # no way down: the noise of the differences
         scene = scene_of(bench, base)
-    sd = np.sqrt(np.diag(cov))
+    sd = np.sqrt(np.diag(cov) + doubt(cost, v, base, scene, held or {}))
     return Fit(
         dict(zip(parameters, v.tolist(), strict=True)), dict(zip(parameters, sd.tolist(), strict=True)), rounds, settled
     )
+
+
+def doubt(
+    cost: "Cost", v: Floats, base: Sequence[Innovations], scene: Scene, held: Mapping[Parameter, float]
+) -> Floats:  # fmt: skip
+    """(p,) variances that come of what is held: of the shifts that an error of it makes (Schmidt 1966)."""
+    if not held:
+        return np.zeros(len(v))
+    wider = Cost(cost.bench, (*cost.parameters, *held), np.r_[cost.prior, [PRIORS[p.what] for p in held]], cost.until)
+    at = np.r_[v, np.zeros(len(held))]
+    r = residuals(cost.bench, cost.parameters, v, base, scene)
+    r, J, _ = usable(r, slopes(wider, at, scene), scene.times)
+    W = np.minimum(1.0, HUBER / np.maximum(np.abs(r), 1e-12))[:, None]
+    own, other = J[:, : len(v)], J[:, len(v) :]
+    shift = np.linalg.solve(own.T @ (W * own) + np.diag(1.0 / cost.prior**2), own.T @ (W * other))
+    return np.asarray(np.square(shift * list(held.values())).sum(axis=1), np.float64)
 
 
 def usable(r: Floats, J: Floats, t: Floats) -> tuple[Floats, Floats, Floats]:
