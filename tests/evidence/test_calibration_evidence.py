@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from evidence_table import cpu
+from evidence_table import commit, cpu
 
 from calibration_logs import True_, flown, steered, tracked, tumbled, wandering, wheeled
 from outrider.data import EventLog
@@ -83,6 +83,6 @@ def test_intervals_hold_what_they_promise() -> None:
             if found < 0.5 * len(SEEDS) or inside < 0.9:
                 misses.append(lines[-1])
         lines.append("")
-    lines += [f"Machine: {cpu()}, Python {platform.python_version()}.", ""]
+    lines += [f"Machine: {cpu()}, Python {platform.python_version()}. Code of commit {commit()}.", ""]
     PAGE.write_text("\n".join(lines), encoding="utf-8")
     assert not misses, misses
