@@ -241,7 +241,11 @@ def test_resuming_adds_seeds(tmp_path: Path) -> None:
 def test_damaged_lines_run_again(tmp_path: Path) -> None:
     whole = run_trials(drift, CASES, 2, store=tmp_path)
     lines = (tmp_path / ROWS).read_text().splitlines(keepends=True)
-    lines[2], lines[4], lines[5] = lines[2][:20] + "\n", "\0\0\xff\n", '{"case": "x"}\n'
+    lines[2], lines[4], lines[5] = (
+        lines[2][:20] + "\n",
+        "\0\0\xff\n",
+        lines[5].replace('"values": {', '"values": {"x": null, '),
+    )
     (tmp_path / ROWS).write_text("".join(lines))
     assert read_trials(tmp_path).damaged == (3, 5, 6)
     told = document(read_results(tmp_path))

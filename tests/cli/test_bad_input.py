@@ -164,6 +164,11 @@ def test_a_file_name_of_any_bytes(outrider: Any, recording: Path, tmp_path: Path
     assert (tmp_path / name.replace(".mcap", "-run") / "report.html").is_file()
 
 
+@pytest.mark.parametrize("words", ["demo -o", "campaign patrol --runs 1 -o", "doctor log.mcap -o", "papers -o"])
+def test_what_is_written_has_a_name_in_utf_8(outrider: Any, tmp_path: Path, words: str) -> None:
+    refused(outrider(*words.split(), os.fsdecode(b"out\xff")), USAGE, "--output: is no text in UTF-8", tmp_path, set())
+
+
 def test_files_that_are_no_log(outrider: Any, recording: Path, tmp_path: Path) -> None:
     raw = recording.read_bytes()
     contents = {

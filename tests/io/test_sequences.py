@@ -124,6 +124,15 @@ def test_a_kitti_turn_is_a_turn_about_the_vertical(tmp_path: Path) -> None:
     np.testing.assert_allclose(read_trajectory(path).q[0], [0, 0, -np.sin(0.2), np.cos(0.2)], atol=1e-12)
 
 
+@pytest.mark.parametrize(("row", "words"), [("1e200 0 0 0 0 1 0 0 0 0 1 0", "pose 1 is nowhere"),
+                                           ("1 0 0 -1e13 0 1 0 0 0 0 1 0", "pose 1 is nowhere"),
+                                           ("2 0 0 0 0 1 0 0 0 0 1 0", "matrices are no rotations")])  # fmt: skip
+def test_kitti_poses_that_cannot_be(tmp_path: Path, row: str, words: str) -> None:
+    write(tmp_path, "times.txt", b"0\n")
+    with pytest.raises(DataError, match=words):
+        read_trajectory(write(tmp_path, "00.txt", row.encode()))
+
+
 def team(folder: Path) -> Path:
     out = folder / "team"
     out.mkdir()

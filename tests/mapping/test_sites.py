@@ -176,7 +176,7 @@ def test_maps_that_make_no_sense_are_refused():
     far = Site(name="far", shapes=(line(K.ROAD, [[0, 0], [1e6, 1e6]], 4.0),))
     with pytest.raises(ConfigError, match=r"million cells of 0.05 m .*is a shape far away"):
         draw(far, 0.05)
-    for resolution in (0.0, -1.0, np.nan, np.inf):
+    for resolution in (0.0, 1e-320, -1.0, np.nan, np.inf):
         with pytest.raises(ConfigError, match="resolution"):
             draw(far, resolution)
     with pytest.raises(DataError, match="nothing is drawn"):

@@ -258,7 +258,7 @@ def papers(
         typer.Option(
             "--trials",
             metavar="DIR",
-            parser=parse.file("--trials"),
+            parser=parse.written("--trials"),
             help="Keep every run there, and go on with what it holds.",
         ),
     ] = None,

@@ -24,7 +24,7 @@ def calibrate_command(
     output: Annotated[
         Path | None,
         typer.Option(
-            "--output", "-o", metavar="FILE", parser=parse.file("--output"), help="Write the configuration there."
+            "--output", "-o", metavar="FILE", parser=parse.written("--output"), help="Write the configuration there."
         ),
     ] = None,
     tune: Annotated[

@@ -27,13 +27,16 @@ def doctor_command(
     output: Annotated[
         Path | None,
         typer.Option(
-            "--output", "-o", metavar="FILE", parser=parse.file("--output"), help="Write the configuration there."
+            "--output", "-o", metavar="FILE", parser=parse.written("--output"), help="Write the configuration there."
         ),
     ] = None,
     report: Annotated[
         Path | None,
         typer.Option(
-            "--report", metavar="FILE", parser=parse.file("--report"), help="Write a page with plots of the evidence."
+            "--report",
+            metavar="FILE",
+            parser=parse.written("--report"),
+            help="Write a page with plots of the evidence.",
         ),
     ] = None,
     force: Force = False,

@@ -21,7 +21,7 @@ ConfigFile = Annotated[
         "--config", "-c", metavar="FILE", parser=parse.file("--config"), help="YAML, see `outrider schema fuse`."
     ),
 ]
-FOLDER = typer.Option("--output", "-o", metavar="DIR", parser=parse.file("--output"), help="Folder for the results.")
+FOLDER = typer.Option("--output", "-o", metavar="DIR", parser=parse.written("--output"), help="Folder for the results.")
 Output = Annotated[Path | None, FOLDER]
 Force = Annotated[bool, typer.Option("--force", help="Replace an earlier result in that folder.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document, nothing else, on stdout.")]

@@ -30,6 +30,20 @@ def file(option: str) -> Callable[[object], Path]:
     return lambda text: Path(named(text))
 
 
+def written(option: str) -> Callable[[object], Path]:
+    """A parser of names of what is written: by libraries that want UTF-8, unlike the file system."""
+    named = file(option)
+
+    def parse(text: object) -> Path:
+        try:
+            str(text).encode()
+        except UnicodeEncodeError:
+            raise UsageError("is no text in UTF-8", where=option, fix="give another name") from None
+        return named(text)
+
+    return parse
+
+
 def number(
     option: str, *, least: float | None = None, above: float | None = None, most: float = MOST
 ) -> Callable[[object], float]:

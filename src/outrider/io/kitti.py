@@ -18,6 +18,7 @@ from outrider.errors import DataError
 from outrider.io._shared import fix_codes, site_positions
 from outrider.io.files import Progress, assemble, ensure_readable, is_directory
 from outrider.io.stamps import to_nanoseconds
+from outrider.io.tum import FARTHEST
 from outrider.typing import Bools, Floats, Ints
 
 NUMBERS: Final = 30  # in a line
@@ -123,6 +124,11 @@ def read_kitti_poses(path: Path) -> Trajectory:
     if t.size != len(poses) or not good.all():
         text = f"has {len(poses)} poses, {times.name} {t.size} stamps"
         raise DataError(text, where=str(path), fix="give the times.txt of this sequence")
+    far = np.flatnonzero(~(np.abs(poses) < FARTHEST).all(axis=(1, 2)))
+    if far.size:
+        raise DataError(
+            f"pose {far[0] + 1} is nowhere", where=str(path), fix="is it a number with a slip? leave it out"
+        )
     R = CAMERA @ poses[:, :, :3] @ CAMERA.T
     if not np.allclose(R @ np.swapaxes(R, 1, 2), np.eye(3), atol=0.01):
         raise DataError("is no KITTI poses: its matrices are no rotations", where=str(path), fix="give TUM or CSV")

@@ -202,9 +202,14 @@ def _parsed(line: bytes, cases: int = sys.maxsize) -> Record | None:
         row = json.loads(line, parse_int=_small)
         whole = isinstance(row["case"], int) and isinstance(row["seed"], int) and isinstance(row["error"], str)
         whole = whole and 0 <= row["case"] < cases
-        return cast("Record", row) if whole and isinstance(row["values"], dict) else None
-    except (ValueError, KeyError, TypeError):
+        return cast("Record", row) if whole and all(map(_is_value, row["values"].values())) else None
+    except (ValueError, KeyError, TypeError, AttributeError):
         return None
+
+
+def _is_value(x: object) -> bool:
+    """A number or a row of numbers."""
+    return all(isinstance(n, int | float) for n in (cast("list[object]", x) if isinstance(x, list) else [x]))
 
 
 def _small(text: str) -> int:

@@ -19,6 +19,7 @@ from outrider.mapping.zones import Zones
 from outrider.typing import Bools, Floats
 
 LARGEST: Final = 1 << 27  # cells: what is written can be read
+FINEST: Final = 1e-6  # m
 _HAIR: Final = 1e-6  # m: what is drawn along the boundary of cells covers those on its own side only
 
 
@@ -43,9 +44,9 @@ def draw(site: Site, resolution: float, *, margin: float = 2.0, open_ground: boo
 
     Raises ConfigError for a resolution that makes no map, or too large a one.
     """
-    if not (0.0 < resolution < np.inf) or not 0.0 <= margin < np.inf:
+    if not FINEST <= resolution < np.inf or not 0.0 <= margin < np.inf:
         what = f"resolution {resolution:g} m, margin {margin:g} m"
-        raise ConfigError(what, where=site.name, fix="a positive resolution, a margin of zero or more")
+        raise ConfigError(what, where=site.name, fix=f"a resolution of {FINEST:g} m or more, a margin of zero or more")
     low, high = site.extent
     first, last = np.floor((low - margin) / resolution + 1e-9), np.ceil((high + margin) / resolution - 1e-9)
     cols, rows = np.maximum(last - first, 1.0).tolist()
