@@ -1,7 +1,6 @@
 """What a user waits for: commands in processes of their own, cold (nothing compiled) and warm."""
 
 import os
-import resource
 import subprocess
 import sys
 import tempfile
@@ -28,6 +27,18 @@ WARM = (
 )
 
 
+PROGRAM = """
+import sys
+from pathlib import Path
+from outrider.cli import main
+peak = Path(sys.argv.pop(1))
+code = main(sys.argv[1:])
+status = Path("/proc/self/status").read_text(encoding="ascii")
+peak.write_text(str(next(int(x.split()[1]) for x in status.splitlines() if x.startswith("VmHWM")) / 1024))
+sys.exit(code)
+"""
+
+
 @final
 @dataclass(frozen=True)
 class Waited:
@@ -41,8 +52,9 @@ class Waited:
 
 
 def peak_mb() -> float:
-    """Of this process so far."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+    """Of this process so far. `getrusage` would count what its parent had when it began."""
+    status = Path("/proc/self/status").read_text(encoding="ascii")
+    return next(float(line.split()[1]) for line in status.splitlines() if line.startswith("VmHWM")) / 1024.0
 
 
 def commands() -> list[Waited]:
@@ -61,15 +73,12 @@ def commands() -> list[Waited]:
 def _once(words: tuple[str, ...], folder: str, k: int, environment: dict[str, str]) -> tuple[float, float]:
     told = [w.format(folder=folder, k=k) for w in words]
     begun = time.monotonic()
-    process = subprocess.Popen(
-        [sys.executable, "-m", "outrider", *told], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-        env=environment, cwd=Path(folder),
+    peak = Path(folder) / "peak"
+    subprocess.run(
+        [sys.executable, "-c", PROGRAM, str(peak), *told], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        env=environment, cwd=Path(folder), check=True,
     )  # fmt: skip
-    _, status, used = os.wait4(process.pid, 0)
-    if os.waitstatus_to_exitcode(status) != 0:
-        raise RuntimeError(f"outrider {' '.join(told)} failed")
-    process.returncode = 0
-    return time.monotonic() - begun, used.ru_maxrss / 1024.0
+    return time.monotonic() - begun, float(peak.read_text(encoding="ascii"))
 
 
 def _waited(name: str, note: str, runs: list[tuple[float, float]]) -> Waited:

@@ -7,8 +7,6 @@ from typing import final
 
 import numpy as np
 
-from benchmarks.commands import peak_mb
-
 REPETITIONS = 3
 
 
@@ -26,11 +24,10 @@ class Growth:
 @final
 @dataclass(frozen=True)
 class Grown:
-    """seconds : the least of the repetitions, at every size;  peak : MB of this process by then."""
+    """seconds : the least of the repetitions, at every size."""
 
     growth: Growth
     seconds: Sequence[float]
-    peak: float
 
     @property
     def exponent(self) -> float:
@@ -41,7 +38,7 @@ class Grown:
 def grow(g: Growth) -> Grown:
     """Time one of them, after a run of its smallest size that compiles."""
     g.make(g.sizes[0])()
-    return Grown(g, [_least(g.make(n)) for n in g.sizes], peak_mb())
+    return Grown(g, [_least(g.make(n)) for n in g.sizes])
 
 
 def _least(work: Callable[[], object]) -> float:
