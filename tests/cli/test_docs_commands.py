@@ -53,7 +53,7 @@ def test_a_command_is_understood(page: Path) -> None:
 @pytest.mark.parametrize("page", [p for p in PAGES if mentioned(p)], ids=lambda p: p.stem)
 def test_a_mentioned_command_has_these_options(page: Path) -> None:
     for words in mentioned(page):
-        name = words[0].rstrip(",")
+        name, *words = (w.rstrip(",") for w in words)
         known = {o for p in COMMANDS[name].params for o in (*p.opts, *p.secondary_opts)} | {"--help"}
         assert {w for w in words if re.match(r"-[a-z]$|--\w", w)} <= known, words
 
