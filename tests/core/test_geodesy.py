@@ -66,6 +66,7 @@ def test_the_rotation_is_the_tangent_planes() -> None:
     assert np.linalg.det(R) == pytest.approx(1.0)
     difference = geo.geodetic_to_ecef(*POINT) - geo.geodetic_to_ecef(*ORIGIN)
     assert_allclose(R @ difference, geo.ecef_to_enu(geo.geodetic_to_ecef(*POINT), *ORIGIN), rtol=0, atol=1e-8)
+    assert_allclose(geo.enu_to_ecef(R @ difference, *ORIGIN), geo.geodetic_to_ecef(*POINT), rtol=0, atol=1e-8)
     assert_allclose(R @ [0.0, 0.0, 1.0], [0.0, np.cos(ORIGIN[0]), np.sin(ORIGIN[0])])
 
 

@@ -10,7 +10,7 @@ from flight_logs import write
 from outrider.core.geodesy import enu_to_geodetic
 from outrider.data import Datum, Manifold, StateLayout, Trajectory, empty_estimates
 from outrider.errors import DataError, OutputExistsError, UsageError
-from outrider.io.files import ensure_output_dir, replacing
+from outrider.io.files import replacing
 from outrider.io.trajectories import read_table, read_trajectory, run_columns, write_geojson, write_table
 from outrider.io.tum import read_tum, write_tum
 
@@ -106,17 +106,6 @@ def test_nothing_is_overwritten_or_left_half_written(tmp_path: Path, path_of_ten
         write_tum(path_of_ten, tmp_path / "no" / "folder.tum")
     with pytest.raises(UsageError, match="no table format"):
         write_table(path_of_ten, tmp_path / "a.xlsx")
-
-
-def test_an_output_directory_is_made_once(tmp_path: Path) -> None:
-    folder = ensure_output_dir(tmp_path / "a" / "b")
-    assert ensure_output_dir(folder) == folder  # empty: nothing to lose
-    write(folder, "x", b"1")
-    with pytest.raises(OutputExistsError, match="not empty"):
-        ensure_output_dir(folder)
-    assert ensure_output_dir(folder, force=True) == folder
-    with pytest.raises(OutputExistsError, match="not a directory"):
-        ensure_output_dir(folder / "x", force=True)
 
 
 def test_a_run_lists_every_state_with_its_deviation() -> None:

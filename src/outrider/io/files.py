@@ -71,21 +71,6 @@ def ensure_readable(path: Path) -> Path:
     return path
 
 
-def ensure_output_dir(path: Path, *, force: bool = False) -> Path:
-    """Make a directory for results; one that holds something already is refused unless `force`."""
-    if path.exists() and not path.is_dir():
-        raise OutputExistsError("exists and is not a directory", where=str(path), fix="choose another output")
-    if path.is_dir() and any(path.iterdir()) and not force:
-        raise OutputExistsError(
-            "the output directory is not empty", where=str(path), fix="--force overwrites, --output names another"
-        )
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as e:
-        raise UsageError(f"cannot be created: {(e.strerror or str(e)).lower()}", where=str(path)) from None
-    return path
-
-
 @contextmanager
 def replacing(path: Path, *, force: bool = False, source: Path | None = None) -> Generator[Path, None, None]:
     """Yield a temporary path beside `path` that takes its place if the block succeeds, and vanishes if it does not.

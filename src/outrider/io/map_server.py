@@ -18,7 +18,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from outrider.data.grid import UNKNOWN, Grid
 from outrider.data.site import Anchor
 from outrider.data.trajectory import Datum
-from outrider.errors import ConfigError, DataError
+from outrider.errors import DataError
 from outrider.io.checked import Flag, Number, Whole, fault_at, validated
 from outrider.io.config import read_yaml, yaml_text
 from outrider.io.files import replacing
@@ -230,12 +230,6 @@ def anchor_dict(anchor: Anchor) -> dict[str, float]:
 def written_deg(angle: float) -> float:
     """An angle [rad] in degrees as somebody would have written it: 12 decimals, so 52.5 stays 52.5."""
     return round(degrees(angle), 12)
-
-
-def require_map(path: Path) -> None:
-    """ConfigError unless a YAML file is one of a map."""
-    if "image" not in read_yaml(path):
-        raise ConfigError("is no map: it names no image", where=str(path))
 
 
 def corners(m: Map) -> Floats:
